@@ -11,7 +11,7 @@ from vibroplat.cli.common import print_answer
 from vibroplat.config.digits import quantity, spread
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, by_severity
-from vibroplat.plots.command import FIGURES
+from vibroplat.plots.command import FIGURE_NAMES
 from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
@@ -150,7 +150,7 @@ def test_two_equal_exciters_are_told_once():
 
 def test_kind_knows_all_figures(command):
     help_ = " ".join(command("plot", "--help").out.replace("\n", " ").split())
-    assert all(kind in help_ for kinds in FIGURES.values() for kind in kinds.split())
+    assert all(kind in help_ for kinds in FIGURE_NAMES.values() for kind in kinds.split())
 
 
 # -- runs that went wrong --------------------------------------------------------------------------------

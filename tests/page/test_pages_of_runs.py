@@ -150,7 +150,7 @@ def test_of_several_runs_a_colour_is_a_run_and_their_last_seconds_stand_beside_e
     layers, bouncing = (run_curves(one, one.columns("events", ("kind",), ("t_s", "impulse_n_s"))) for one in runs)
     whole = replace(layers, detail=layers.detail.assign(t_s=10.0 * layers.detail["t_s"]))
     drawn = Runs([whole, bouncing], ["first", "second"])
-    spans = [np.ptp(course.detail["t_s"]) for course in drawn.courses]
+    spans = [np.ptp(course.detail["t_s"]) for course in drawn.run_curves]
     assert spans[0] <= spans[1] * (1.0 + 1e-6)
     assert re.findall("<em[^>]*>(.*?)</em>", drawn.key_figures())[-2:] == ["first", "second"]
     assert "dashed: underside of the material" in drawn.key_figures()

@@ -7,7 +7,7 @@ from study.helpers import swept
 from vibroplat.config.scene import Scene
 from vibroplat.paper import judges
 from vibroplat.paper.claims import cut, expected, judge, scoreboard
-from vibroplat.paper.evidence import EDGE, NON_IMPACT_KEY, BranchRecords, Curve, Evidence, F
+from vibroplat.paper.evidence import EDGE, NON_IMPACT_CURVE, BranchRecords, Evidence, F, PaperCurve
 from vibroplat.paper.judges import regime_intervals
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
 from vibroplat.paper.scenes import claims, machine_numbers, paper_scene
@@ -81,7 +81,7 @@ def as_in_the_paper(key):
 
 def evidence_of(rows_of):
     evidence = Evidence()
-    keys = [Curve(0.0), Curve(0.1), *(Curve(0.2, r) for r in NON_PERIODIC), NON_IMPACT_KEY]
+    keys = [PaperCurve(0.0), PaperCurve(0.1), *(PaperCurve(0.2, r) for r in NON_PERIODIC), NON_IMPACT_CURVE]
     for key in keys:
         place = {"material.mass_ratio": key.mass_ratio, "contact.restitution": key.restitution}
         branch = SweepBranch(0, "up", {}, Scene().replace({**place, **LAYERS}), tuple(2.0 * STEPS))
@@ -174,7 +174,7 @@ def test_claim_is_judged_as_well_without_what_it_does_not_look_at(name):
 
 
 def test_damping_of_the_layers_is_subcritical_and_strong(evidence):
-    branch, rows = evidence.branches[Curve(0.2)]
+    branch, rows = evidence.branches[PaperCurve(0.2)]
     for material, holds in (
         ({"damping_ratio": 0.49}, False),
         ({"damping_ratio": 0.99}, True),
@@ -185,7 +185,7 @@ def test_damping_of_the_layers_is_subcritical_and_strong(evidence):
         ({"layers": 1}, False),
     ):
         scene = branch.scene.replace({f"material.{key}": value for key, value in material.items()})
-        evidence.branches[Curve(0.2)] = BranchRecords(SweepBranch(0, "up", {}, scene, ()), rows)
+        evidence.branches[PaperCurve(0.2)] = BranchRecords(SweepBranch(0, "up", {}, scene, ()), rows)
         assert judge(CLAIMS["layer-damping"], evidence).holds is holds, material
 
 
@@ -249,8 +249,8 @@ def noisy(name, key, low, high, factor, error):
 
 
 def test_comparison_is_violated_only_beyond_two_standard_errors():
-    order = ("amp-fall-inter", Curve(0.1), 29.2, 29.4, 1.02)
-    ratio = ("R-same-to-29", Curve(0.2, 0.3), 24.9, 25.1, 1.03)
+    order = ("amp-fall-inter", PaperCurve(0.1), 29.2, 29.4, 1.02)
+    ratio = ("R-same-to-29", PaperCurve(0.2, 0.3), 24.9, 25.1, 1.03)
     for wrong, enough in ((order, 0.02), (ratio, 0.01)):
         assert not noisy(*wrong, 0.0).holds
         assert not noisy(*wrong, 0.004).holds
@@ -259,7 +259,7 @@ def test_comparison_is_violated_only_beyond_two_standard_errors():
         assert "1 undecided by their error" in finding.measured
         assert "not at" not in finding.measured
     # and must be right at nine of ten frequencies
-    finding = noisy("amp-fall-inter", Curve(0.1), 28.9, 29.6, 1.02, 0.02)
+    finding = noisy("amp-fall-inter", PaperCurve(0.1), 28.9, 29.6, 1.02, 0.02)
     assert not finding.holds
     assert "3 undecided by their error" in finding.measured
 
@@ -282,7 +282,7 @@ def test_motion_that_is_undecided_is_neither():
 def failed_at_one(change):
     """Evidence in which points at R = 1 failed, and other rows are changed."""
     spoilt = changed(change)
-    fail(spoilt, Curve(0.2, 1.0), lambda f: 25.0 < f < 31.0)
+    fail(spoilt, PaperCurve(0.2, 1.0), lambda f: 25.0 < f < 31.0)
     return spoilt
 
 
@@ -312,7 +312,7 @@ def test_claim_that_fails_with_less_restitution_is_not_reproduced():
 
 
 def test_failed_points_are_told_where_a_claim_is_about_them(evidence):
-    fail(evidence, Curve(0.2, 1.0), lambda f: f in (22.0, 35.0))
+    fail(evidence, PaperCurve(0.2, 1.0), lambda f: f in (22.0, 35.0))
     assert judge(CLAIMS["R-none"], evidence).measured.endswith("(points that failed: 1 at μ 0.2, R 1)")
     assert judge(CLAIMS["R-bands"], evidence).measured.endswith("(points that failed: 2 at μ 0.2, R 1)")
     assert "failed" not in judge(CLAIMS["R-amp-inter"], evidence).measured
@@ -327,14 +327,14 @@ def test_captured_machine_holds_no_band_beyond_its_capture():
 
 
 def test_runs_are_the_stretches_of_a_regime(evidence):
-    assert regime_intervals(evidence.rows(Curve(0.0)), "antiphase") == [(21.0, 31.25), (35.0, 40.0)]
-    assert regime_intervals(evidence.rows(Curve(0.0)), "in-phase") == [(31.5, 34.75)]
+    assert regime_intervals(evidence.rows(PaperCurve(0.0)), "antiphase") == [(21.0, 31.25), (35.0, 40.0)]
+    assert regime_intervals(evidence.rows(PaperCurve(0.0)), "in-phase") == [(31.5, 34.75)]
     assert regime_intervals([], "antiphase") == []
 
 
 def test_curves_are_not_drawn_across_jumps(evidence):
-    evidence.branches[Curve(0.0)].rows[:] = [r for r in evidence.rows(Curve(0.0)) if not 24.0 < r[F] < 26.0]
-    found, _ = evidence.curve(Curve(0.0), np.array([20.0, 22.1, 25.0, 33.0, 38.1]))
+    evidence.branches[PaperCurve(0.0)].rows[:] = [r for r in evidence.rows(PaperCurve(0.0)) if not 24.0 < r[F] < 26.0]
+    found, _ = evidence.amplitudes(PaperCurve(0.0), np.array([20.0, 22.1, 25.0, 33.0, 38.1]))
     assert np.isnan(found).tolist() == [True, False, True, True, False]
     assert found[1] == pytest.approx(1e-3)
 

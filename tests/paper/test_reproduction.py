@@ -13,7 +13,7 @@ from vibroplat.config.reader import flat, load_tree
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.paper import reproduction, tables
-from vibroplat.paper.evidence import BranchRecords, Curve, Evidence, F
+from vibroplat.paper.evidence import BranchRecords, Evidence, F, PaperCurve
 from vibroplat.paper.root_finding import JUMP_WIDTH, MATCHED_HZ, MAX_BETA, beta_without_excess, match_beta, narrow
 from vibroplat.paper.scenes import BETA, machine_numbers, paper_scene
 from vibroplat.plots.command import plot_results
@@ -70,11 +70,11 @@ def test_beta_is_found_again():
     with Store(None, {}) as store:
         run_branches(branches(scene), store, Inline())
         add(evidence, scene, store)
-    course = evidence.branches.pop(Curve(0.2, model="non-impact"))
-    impact = course.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
+    records = evidence.branches.pop(PaperCurve(0.2, model="non-impact"))
+    impact = records.branch.scene.replace({"contact.model": "impact", BETA: 0.0})
     branch = branches(scene)[0]
-    evidence.branches[Curve(0.2)] = BranchRecords(replace(branch, scene=impact), course.rows)
-    assert course.rows[0][F] < MATCHED_HZ < max(row[F] for row in course.rows)
+    evidence.branches[PaperCurve(0.2)] = BranchRecords(replace(branch, scene=impact), records.rows)
+    assert records.rows[0][F] < MATCHED_HZ < max(row[F] for row in records.rows)
     pool = Counting()
     with Store(None, {}) as store:
         beta = beta_of(evidence, store, pool)
@@ -170,7 +170,7 @@ def bare():
 
 
 def jump(evidence):
-    return evidence.jump(Curve(0.0))
+    return evidence.jump(PaperCurve(0.0))
 
 
 @pytest.mark.long

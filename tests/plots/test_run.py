@@ -12,10 +12,12 @@ from matplotlib.text import Text
 
 from vibroplat import load_config, simulate
 from vibroplat.config.digits import percent, quantity
+from vibroplat.config.kinds import RUN_FIGURES
 from vibroplat.errors import TableError
 from vibroplat.plots import headlines, histories
 from vibroplat.plots.command import plot_results
 from vibroplat.plots.measured import read_data
+from vibroplat.plots.run import FIGURES
 from vibroplat.results.labels import run_parameters
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import read_json, read_table, write_table
@@ -29,6 +31,10 @@ TURN = 2.0 * np.pi
 def drawn(*directories, kinds=(), **options):
     """Figures of runs by name."""
     return conftest.drawn("run", *directories, kinds=kinds, **options)
+
+
+def test_help_lists_figures_in_the_order_in_which_they_are_drawn():
+    assert RUN_FIGURES.split() == [*FIGURES]
 
 
 def from_rest(table, directory):

@@ -45,7 +45,8 @@ TIMED_S = 10.0
 MAX_TURN_S = 0.02
 
 #: Columns of times: of all that a user waits for, of an engine with its statistics, of an engine alone.
-TIMES = (RUN, _, ALONE) = "simulate_ms_per_s", "ms_per_s", "bare_ms_per_s"
+RUN, ALONE = "simulate_ms_per_s", "bare_ms_per_s"
+TIMES = (RUN, "ms_per_s", ALONE)
 
 K = TypeVar("K")
 T = TypeVar("T")
@@ -69,7 +70,7 @@ _CASES: dict[str, dict[str, Any]] = {
 #: Most rows that are printed.
 MAX_ROWS = 6
 #: Error of coordinates at which engines are compared in the title.
-ERROR = 1e-6
+MAX_ERROR = 1e-6
 #: Errors shown, by column.
 ERRORS = {
     "coordinates": "coordinates (over their scales)",
@@ -377,16 +378,16 @@ def plot_precision(table: pd.DataFrame, directory: Path, name: str, processor: s
 
 
 def fastest(table: pd.DataFrame) -> str:
-    """Say which engine takes the least time in most cases, of runs whose coordinates are accurate to :data:`ERROR`."""
-    good = table[(table[RUN] > 0.0) & (table["coordinates"] <= ERROR)] if "coordinates" in table else table[:0]
+    """Say which engine takes the least time in most cases, of runs whose coordinates have errors up to MAX_ERROR."""
+    good = table[(table[RUN] > 0.0) & (table["coordinates"] <= MAX_ERROR)] if "coordinates" in table else table[:0]
     best = good.groupby(["case", "engine"])[RUN].min()
     firsts = [rows.nsmallest(2).droplevel("case") for _, rows in best.groupby("case", sort=False)]
     names = pd.Series([str(rows.index[0]) for rows in firsts], dtype=object)
     if names.empty:
-        return f"No run has an error of coordinates up to {ERROR:.0e}"
+        return f"No run has an error of coordinates up to {MAX_ERROR:.0e}"
     name = names.mode()[0]
     ratios = [float(rows.iloc[1] / rows.iloc[0]) for rows in firsts if rows.index[0] == name and len(rows) > 1]
-    text = f"At errors up to {ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
+    text = f"At errors up to {MAX_ERROR:.0e} {name} is the fastest in {(names == name).sum()} of {len(names)} cases"
     return (
         f"{text}, {digits.interval(min(ratios), max(ratios), digits=2)} times as fast as the next" if ratios else text
     )

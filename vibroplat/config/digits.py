@@ -143,7 +143,7 @@ def pair(one: float, other: float, unit: str = "") -> tuple[str, str]:
 
 
 def percent(value: float | None) -> str:
-    """Write a share in per cent: whole from 10 to 90, else with one decimal; 0 and 100 only where they are exact."""
+    """Write a fraction in per cent: whole from 10 to 90, else with one decimal; 0 and 100 only where they are exact."""
     if value is None or not math.isfinite(value):
         return MISSING
     percent = 100.0 * value

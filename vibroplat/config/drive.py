@@ -15,9 +15,9 @@ from vibroplat.config.schema import NonNegative, Positive, Section, described
 #: Supply frequency where none is given (Hz).
 FREQUENCY = 50.0
 
-#: Share of a program's largest frequency below which the critical slip speed falls no more with the frequency. Kloss's
-#: formula with a constant critical slip has no limit at 0 Hz and standstill: the torque depends on the way there, and
-#: the motor becomes infinitely stiff.
+#: Fraction of a program's largest frequency below which the critical slip speed falls no more with the frequency.
+#: Kloss's formula with a constant critical slip has no limit at 0 Hz and standstill: the torque depends on the way
+#: there, and the motor becomes infinitely stiff.
 MIN_FREQUENCY_RATIO = 1e-3
 
 #: Minimum supply frequency of a program above 0 (Hz).

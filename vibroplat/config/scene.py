@@ -342,7 +342,7 @@ class Scene(Section):
 
     @property
     def platform_mass(self) -> float:
-        """Mass that moves with the platform (kg): M, plus a share of m_w in the non-impact model."""
+        """Mass that moves with the platform (kg): M, plus a fraction of m_w in the non-impact model."""
         if self.contact.model == "non-impact":
             return self.body.mass + self.contact.added_mass_share * self.material_mass
         return self.body.mass

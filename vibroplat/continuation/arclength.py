@@ -190,9 +190,8 @@ def orient_tangent(point: OrbitPoint, before: OrbitPoint, step: float) -> OrbitP
     the residual is continuous (Allgower and Georg 1990).
     """
     if point.event_sequence != before.event_sequence and point.branching * before.branching < 0.0:
-        point = replace(point, tangent=-point.tangent)
-    point.step = step
-    return point
+        return replace(point, tangent=-point.tangent, step=step)
+    return replace(point, step=step)
 
 
 def predict(

@@ -89,7 +89,7 @@ class NewtonResult:
 
     @property
     def stability(self) -> Stability:
-        """What they tell."""
+        """Test functions and counts of the multipliers."""
         return self._stability[1]
 
     @cached_property

@@ -429,7 +429,7 @@ def smallest_period(problem: Problem, result: NewtonResult, period: int) -> int:
 
 def measures_of_orbit(problem: Problem, result: NewtonResult) -> dict[str, Any]:
     """Return the measures of a sweep over the period of an orbit, as in its rows."""
-    shooter, values = problem.shooter, (result.u[result.residual.size :] * problem.units).tolist()
+    shooter, (*_, values) = problem.shooter, result.chart.unpack(result.u)
     return measures_of(problem, result.shot, shooter.scene_at(dict(zip(shooter.keys, values, strict=True))))
 
 

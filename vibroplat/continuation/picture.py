@@ -152,14 +152,14 @@ def _lines(data: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int
     drawn[numbers] = drawn[numbers].astype(float)
     for rows in data.branches:
         own = data.special_of(rows.iloc[0])
-        shares = _shares(rows, own)
+        fractions = _fractions(rows, own)
         drawn.loc[rows.index, PHASE_COLUMN] = np.unwrap(drawn.loc[rows.index, PHASE_COLUMN])
-        along = np.concatenate([np.arange(len(rows)), shares])
+        along = np.concatenate([np.arange(len(rows)), fractions])
         order = np.argsort(along, kind="stable")
         own_places = np.concatenate([rows.index, len(table) + own.index])[order]
         between = drawn.loc[own_places, numbers].set_axis(along[order]).interpolate("index").set_axis(own_places)
         drawn.loc[len(table) + own.index, numbers] = between.loc[len(table) + own.index]
-        ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(shares).astype(int)])]
+        ends += [int(rows.index[0]), int(rows.index[-1]), *(rows.index[np.round(fractions).astype(int)])]
         for is_stable, part in _stretches(own_places, len(table), table["stable"].to_numpy(dtype=bool)):
             parts.setdefault((data.curve(rows), is_stable), []).extend([*part, picture.BROKEN])
     drawn.loc[len(table) + special.index[special["kind"] == LIFTOFF], [n for n in _OF_FLIGHT if n in drawn]] = 0.0
@@ -171,8 +171,8 @@ def _lines(data: Branches) -> tuple[pd.DataFrame, list[picture.Series], list[int
     return drawn, series, ends
 
 
-def _shares(rows: pd.DataFrame, special: pd.DataFrame) -> Any:
-    """Return where special points lie along a branch: the number of the point before and the share of the step."""
+def _fractions(rows: pd.DataFrame, special: pd.DataFrame) -> Any:
+    """Return where special points lie along a branch: the number of the point before and the fraction of the step."""
     before = np.clip(special["point"].to_numpy(dtype=int), 0, max(len(rows) - 2, 0))
     values = rows[EXCITATION].to_numpy(dtype=float)
     here, there = values[before], values[np.minimum(before + 1, len(rows) - 1)]

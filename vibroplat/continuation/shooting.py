@@ -51,7 +51,7 @@ EVENT_NAMES = {"L": "liftoff", "I": "impact", "S": "stick"}
 #: Step of the difference that gives the derivative of the parameters by a key, over its value.
 KEY_STEP_RATIO = 1e-4
 #: The section is moved when the piece it lies in ends nearer to it than this part of the piece, or when it lies in
-#: flight while contact takes at least a share of the period.
+#: flight while contact takes at least a fraction of the period.
 MIN_SECTION_MARGIN, MIN_CONTACT_FRACTION = 0.15, 0.06
 #: Turns in which an aperiodic motion is searched for near returns, and how many are tried. Of 65
 #: motions of the calibrated machine from 56 to 62 Hz that do not repeat, 36 give an orbit of period 1; 24 in 400 turns.

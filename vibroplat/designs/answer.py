@@ -20,7 +20,7 @@ MAX_KEYS, MAX_MEASURES, MAX_ELASTICITIES = 4, 3, 3
 END_DISTANCE = 1e-3
 #: Relative difference of objectives up to which searches agree.
 OBJECTIVE_TOLERANCE = 1e-4
-#: Smallest share of a variance that is printed.
+#: Smallest fraction of a variance that is printed.
 MIN_PRINTED_FRACTION = 0.005
 
 
@@ -101,12 +101,12 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
 def quantile_lines(
     plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFrame, most: int | None = None
 ) -> list[str]:
-    """Return the quantiles of measures, most of them, and what explains their variance; all of it without ``most``."""
+    """Return the quantiles of measures, at most ``most`` of them, and what explains their variance."""
     asked = (plan.minimize, *plan.constraints, *plan.measures)
     names = [name for name in (*asked, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:most]
     each = len(plan.constraints) > 1
-    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each, "share of the variance"]]
+    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each, "fraction of the variance"]]
     for name in shown:
         values = samples[name].quantile(list(QUANTILES)).tolist()
         factor, unit = prefixed(values[1], unit_of(name))

@@ -87,7 +87,7 @@ def measure_samples(
 
 
 def variance_contributions(table: pd.DataFrame, keys: Sequence[str], measures: Sequence[str]) -> pd.DataFrame:
-    """Make the table of shares of keys in the variance of measures; samples without a value do not count for it."""
+    """Make the table of fractions of keys in the variance of measures; samples without a value do not count for it."""
     rows = []
     for name in measures:
         if not table[name].count():
@@ -101,7 +101,7 @@ def variance_contributions(table: pd.DataFrame, keys: Sequence[str], measures: S
 
 
 def _regression(table: pd.DataFrame, keys: Sequence[str], measure: str) -> tuple[FloatArray, float]:
-    """Share of each key in the variance of a measure, by linear regression on standardized samples, and its R²."""
+    """Fraction of each key in the variance of a measure, by linear regression on standardized samples, and its R²."""
     own = table.dropna(subset=[measure])
     y, z = own[measure].to_numpy(float), own[list(keys)].to_numpy(float)
     if len(own) <= len(keys) + 1 or y.std() == 0.0:

@@ -201,14 +201,14 @@ class DesignStudy(Study):
         keys, elasticities = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
-        shares = of_samples.variance_contributions(table, keys, elasticities["measure"].unique().tolist())
+        contributions = of_samples.variance_contributions(table, keys, elasticities["measure"].unique().tolist())
         lines = dict(result.answer.lines) | _lines_of_samples(table, home)
         counts = {of: with_confidence(count, len(table)) for of, count in count_satisfied(plan, table).items()}
         answer = result.answer._replace(
             lines=counts | lines if plan.minimize is None else lines | counts,
-            text=[*result.answer.text, *quantile_lines(plan, table, shares)],
+            text=[*result.answer.text, *quantile_lines(plan, table, contributions)],
         )
-        tables = {**result.tables, "samples": table, "variance_contributions": shares}
+        tables = {**result.tables, "samples": table, "variance_contributions": contributions}
         return self._result(tables, answer, result.configurations)
 
     def _samples(self, run: _Runner, scene: Scene, known: Record, places: FloatArray) -> pd.DataFrame:

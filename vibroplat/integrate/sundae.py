@@ -39,7 +39,7 @@ COUNTED = tuple(WORK)[:3]
 #: each segment adds to what is left of them. A call takes 60 µs, so that it is found in some seconds.
 MAX_CALLS, CALLS_PER_SEGMENT = 100_000, 60
 
-#: Share of the way to a failure that is gone again, to have what was before it.
+#: Fraction of the way to a failure that is gone again, to have what was before it.
 RETAINED_FRACTION = 0.999
 
 _SOLVING = threading.Lock()

@@ -20,7 +20,7 @@ from vibroplat.model.motor import motor_torque, resistance
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import Relative
 
-#: Minimum share of an exciter's own inertia that the platform's yielding may leave of it.
+#: Minimum fraction of an exciter's own inertia that the platform's yielding may leave of it.
 MIN_INERTIA_RATIO = 1e-3
 
 #: One number for each of x, y, φ.

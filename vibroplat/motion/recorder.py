@@ -69,7 +69,7 @@ class Recorder:
         self.segments: list[Segment] = []
         self.note = ""
         self._scene, self._keep, self._sink = scene, keep, sink
-        self._share = MemoryBudget(ADVICE[keep])
+        self._budget = MemoryBudget(ADVICE[keep])
         self._kept_events: list[Records] = []
         self._parts: list[pd.DataFrame] = []
         self._rows: list[TrajectoryRows] = []
@@ -86,9 +86,9 @@ class Recorder:
                 for rows in self._rows:
                     rows.add(segment)
                 if self._keep == "segments":
-                    self._share.take(segment.nbytes)
+                    self._budget.take(segment.nbytes)
                     self.segments.append(segment)
-                    if self._share.taken > MAX_DENSE_OUTPUT:
+                    if self._budget.taken > MAX_DENSE_OUTPUT:
                         self._keep_table()
         finally:  # events are recorded even if memory has run out
             if h.run["events"]:
@@ -96,7 +96,7 @@ class Recorder:
                 if self._events is not None:
                     self._events.put(events)
                 if self._keep != "summary":
-                    self._share.take(events.nbytes)
+                    self._budget.take(events.nbytes)
                     self._kept_events.append(events)
 
     def _keep_table(self) -> None:
@@ -105,7 +105,7 @@ class Recorder:
             f"dense output takes more than {size_text(MAX_DENSE_OUTPUT)} after {self.segments[-1].end:.4g} s: the run "
             "keeps the trajectory table at output.sample_rate_hz instead; shorten run.duration_s for dense output"
         )
-        self._share = MemoryBudget(ADVICE["table"])
+        self._budget = MemoryBudget(ADVICE["table"])
         rows = TrajectoryRows(self._scene, self._keep_part)
         for segment in self.segments:
             rows.add(segment)
@@ -114,7 +114,7 @@ class Recorder:
 
     def _keep_part(self, part: ArrayTable) -> None:
         """Keep a part of the trajectory table."""
-        self._share.take(COPIES * int(part.frame.memory_usage(index=False).sum()))
+        self._budget.take(COPIES * int(part.frame.memory_usage(index=False).sum()))
         self._parts.append(part.frame)
 
     def _take(self, part: ArrayTable) -> None:
@@ -126,7 +126,7 @@ class Recorder:
 
     def finish(self) -> None:
         """Record the rest of the tables when the motion has ended."""
-        self._share = MemoryBudget(bounded=False)  # the rest is small, and a run without memory ends here
+        self._budget = MemoryBudget(bounded=False)  # the rest is small, and a run without memory ends here
         for rows in self._rows:
             rows.finish()
         if self._events is not None:

@@ -42,7 +42,7 @@ from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import SETTLED
 
-#: The measured part is what follows this share of the duration, cut to whole turns of exciter 1.
+#: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
 #: Strokes (m) that are round-off.
 MIN_STROKE = 1e-9

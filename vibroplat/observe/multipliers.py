@@ -1,4 +1,4 @@
-"""What the Floquet multipliers of periodic orbits tell: test functions, counts, and whether one can be followed."""
+"""Stability of periodic orbits by their Floquet multipliers: test functions, counts, which can be followed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WATCHED_SIZE, MAX_MULTIPLIER_CHANGE = 0.9, 0.4
 
 
 class Stability(NamedTuple):
-    """What multipliers tell of an orbit.
+    """Stability of an orbit by its multipliers.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ def n_unstable(multipliers: Any) -> int:
 
 @compiled
 def stability(multipliers: Any) -> Stability:
-    """Evaluate what multipliers tell, after they were sorted: the largest first, of a pair that above the real axis."""
+    """Evaluate the stability by multipliers, and sort these: the largest first, of a pair that above the real axis."""
     sort_multipliers(multipliers)
     fold, doubling, neimark_sacker = 1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j
     above = around = below = pairs = 0

@@ -267,7 +267,7 @@ Known = tuple[Any, dict[str, float | None]]
 
 
 def known_of(ms: Accumulators) -> Known:
-    """Find what is most of the measures of a measured part."""
+    """Find the extremes of a measured part, and the measures that follow from its sums and extremes."""
     extremes = measured_extremes(ms)
     return extremes, statistics(ms, extremes) | largest_values(extremes)
 

@@ -50,27 +50,27 @@ class Runs:
 
     Parameters
     ----------
-    courses
+    run_curves
         What the page shows of each.
     names
         What they are called, where there are several.
     """
 
-    def __init__(self, courses: Sequence[RunCurves], names: Sequence[str]) -> None:
+    def __init__(self, run_curves: Sequence[RunCurves], names: Sequence[str]) -> None:
         self.names = names if len(names) > 1 else [""]
-        self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in courses)
-        shortest = min(float(np.ptp(one.detail["t_s"])) for one in courses)
-        self.courses = courses if self.chosen else [one.in_last(shortest) for one in courses]
-        known = all(one.detail["t_s"].iloc[0] > one.first for one in courses)
+        self.chosen = any(one.detail["t_s"].iloc[-1] < one.last - 1e-9 for one in run_curves)
+        shortest = min(float(np.ptp(one.detail["t_s"])) for one in run_curves)
+        self.run_curves = run_curves if self.chosen else [one.in_last(shortest) for one in run_curves]
+        known = all(one.detail["t_s"].iloc[0] > one.first for one in run_curves)
         #: What the detail is called.
         whole = "whole run" if len(names) == 1 else f"last {quantity(shortest, 's')}"
         self.last = "interval" if self.chosen else f"last {LAST_TURNS} turns" if known else whole
 
     # -- drawings -----------------------------------------------------------------------------------
 
-    def _origin(self, course: RunCurves, *, detail: bool) -> float:
+    def _origin(self, curves: RunCurves, *, detail: bool) -> float:
         """Return the time (s) from which those of a drawing are counted."""
-        return float(course.detail["t_s"].iloc[0]) if detail and not self.chosen else 0.0
+        return float(curves.detail["t_s"].iloc[0]) if detail and not self.chosen else 0.0
 
     def _time(self, first: float, last: float, *, detail: bool) -> Scale:
         """Return an axis of times."""
@@ -82,14 +82,14 @@ class Runs:
         Of several runs each has a colour, of one run each of its curves.
         """
         lines = []
-        for run, (course, name) in enumerate(zip(self.courses, self.names, strict=True)):
+        for run, (curves, name) in enumerate(zip(self.run_curves, self.names, strict=True)):
             for number, (column, label) in enumerate(columns.items()):
-                parts = course.turns(column) if detail else course.band(column, until)
+                parts = curves.turns(column) if detail else curves.band(column, until)
                 if parts is not None:
                     own = _COLOURS.get(column, CURVES[number % len(CURVES)])
                     dash = "2 3" if column == "synchronous_hz" else "6 3" if name and number else ""
                     called = ", ".join(filter(None, (name, label if len(columns) > 1 else ""))) or label
-                    t = parts[0] - self._origin(course, detail=detail)
+                    t = parts[0] - self._origin(curves, detail=detail)
                     lines.append(RunLine(called, CURVES[run % len(CURVES)] if name else own, dash, t, *parts[1:]))
         return one_line(lines)
 
@@ -122,26 +122,26 @@ class Runs:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
         html = ""
         if force := self._lines(PANELS[0][1]):
-            shown = "whole run" if any(course.few for course in self.courses) else "each turn of the run"
+            shown = "whole run" if any(curves.few for curves in self.run_curves) else "each turn of the run"
             plot = self._drawn(f"Force into the foundation, y: {shown}", force, PANELS[0][1])
             self._mark_largest(plot, force)
             html += plot.html()
-        main = self.courses[0].main
+        main = self.run_curves[0].main
         columns = {main: "platform"} | ({"underside_m": "underside of the material"} if main == "y_m" else {})
         if lines := self._lines(columns, detail=True):
             words = {"y_m": "Platform y", "x_m": "Platform x", "phi_rad": "Rotation"}[main]
-            if main == "y_m" and any("underside_m" in one.detail for one in self.courses):
+            if main == "y_m" and any("underside_m" in one.detail for one in self.run_curves):
                 words = "Platform and material"
             html += self._drawn(f"{words}, {self.last}", lines, columns, detail=True).html()
         return html
 
     def starts(self) -> str:
         """Return the speeds of a run whose exciters start or stop, until its stroke is steady; "" of others."""
-        (course,) = self.courses
-        if not any(course.size(f"speed_{n}_hz") > 0.1 * (course.frequency or 0.0) for n in (1, 2)):
+        (curves,) = self.run_curves
+        if not any(curves.size(f"speed_{n}_hz") > 0.1 * (curves.frequency or 0.0) for n in (1, 2)):
             return ""
-        until = math.inf if course.steady is None else max(course.steady, course.first + START)
-        title = "Speed, whole run" if course.steady is None else "Speed until the stroke is steady"
+        until = math.inf if curves.steady is None else max(curves.steady, curves.first + START)
+        title = "Speed, whole run" if curves.steady is None else "Speed until the stroke is steady"
         plot = self._drawn(title, self._lines(EXCITERS, until=until), EXCITERS)
         plot.height = "--h:150px"
         return plot.html()
@@ -149,8 +149,8 @@ class Runs:
     def _mark_largest(self, plot: Plot, lines: Sequence[RunLine]) -> None:
         """Mark the static force of a single run, and the largest force of all with its time."""
         size, at = "whole_foundation_force_y_max_n", "whole_foundation_force_y_max_at_s"
-        summaries = [course.result.summary for course in self.courses]
-        static, machine = summaries[0].get("foundation_force_y_mean_n"), self.courses[0].result.scene.machine
+        summaries = [curves.result.summary for curves in self.run_curves]
+        static, machine = summaries[0].get("foundation_force_y_mean_n"), self.run_curves[0].result.scene.machine
         if static is not None and machine.gravity_m_per_s2 and len(summaries) == 1:
             plot.rule("static", y=-static)
         known = [s for s in summaries if s.get(size) and s.get(at) is not None]
@@ -163,17 +163,17 @@ class Runs:
     def all_figures(self) -> tuple[str, int, list[str]]:
         """Return all curves in pairs, how many quantities these are, and what has nothing to show."""
         pairs, none = [], []
-        measured = {column: label for one in self.courses for column, label in accelerations(one.result.scene).items()}
+        measured = {place: label for one in self.run_curves for place, label in accelerations(one.result.scene).items()}
         for title, columns in (*PANELS, *[("Acceleration", measured)] * bool(self._lines(measured))):
             whole, detail = self._lines(columns), self._lines(columns, detail=True)
-            if not whole or not any(self._matters(one, column) for one in self.courses for column in columns):
+            if not whole or not any(self._matters(one, column) for one in self.run_curves for column in columns):
                 none.append(title[0].lower() + title[1:])
                 continue
             right = hint(f"{self.last.capitalize()}: 0")
             if not self._rests(whole, detail):
                 right = self._drawn(self.last.capitalize(), detail, columns, detail=True).html() if detail else ""
             pairs.append(self._drawn(f"{title}, whole run", whole, columns).html() + right)
-        if any(len(one.impulses) for one in self.courses):
+        if any(len(one.impulses) for one in self.run_curves):
             pairs.append(self._impulses(detail=False) + self._impulses(detail=True))
         return "".join(pairs), len(pairs), none
 
@@ -182,18 +182,18 @@ class Runs:
         most = max(max(abs(np.nanmin(one.low)), abs(np.nanmax(one.high))) for one in whole)
         return bool(detail) and all(np.nanmax(np.abs(one.low)) < NEGLIGIBLE * most for one in detail)
 
-    def _matters(self, course: RunCurves, column: str) -> bool:
+    def _matters(self, curves: RunCurves, column: str) -> bool:
         """Whether a curve has content beside the largest one of its kind."""
-        arms = {"phi_rad": course.result.scene.body.distance}
+        arms = {"phi_rad": curves.result.scene.body.distance}
         kinds = (("x_m", "y_m", "phi_rad"), ("force_x_n", "force_y_n"))
         alike = next((kind for kind in kinds if column in kind), ())
-        largest = max((arms.get(name, 1.0) * course.size(name) for name in alike), default=0.0)
-        return arms.get(column, 1.0) * course.size(column) > NEGLIGIBLE * largest
+        largest = max((arms.get(name, 1.0) * curves.size(name) for name in alike), default=0.0)
+        return arms.get(column, 1.0) * curves.size(column) > NEGLIGIBLE * largest
 
     def _impulses(self, *, detail: bool) -> str:
         """Return the impulses of all impacts of the runs, or of their last turns."""
         struck, ends = [], []
-        for one in self.courses:
+        for one in self.run_curves:
             origin = self._origin(one, detail=detail)
             first, last = one.detail["t_s"].iloc[[0, -1]] if detail else (one.first, one.last)
             ends += [float(first) - origin, float(last) - origin]

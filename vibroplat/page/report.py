@@ -117,15 +117,15 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def courses(self) -> list[RunCurves]:
+    def run_curves(self) -> list[RunCurves]:
         """What is shown of each run that has rows."""
-        courses = [run_curves(one, _events(one), self.start, self.stop) for one in self.runs]
-        return [course for course in courses if course is not None]
+        found = [run_curves(one, _events(one), self.start, self.stop) for one in self.runs]
+        return [one for one in found if one is not None]
 
     @cached_property
     def sheets(self) -> dict[RunResult, Sheet]:
         """The data sheets of the runs."""
-        steady = {course.result: course.steady for course in self.courses}
+        steady = {curves.result: curves.steady for curves in self.run_curves}
         return {one: Sheet(one.scene, one.summary, steady.get(one)) for one in self.runs}
 
     @cached_property
@@ -155,7 +155,7 @@ class Report:
             "MACHINES": _machines(machines),
         }
         studies = len(self.runs) < len(self.results)
-        names = [*["machine"] * bool(self.courses or machines), "plots", *["points"] * studies, "tables"]
+        names = [*["machine"] * bool(self.run_curves or machines), "plots", *["points"] * studies, "tables"]
         ours = "\n".join(_web(f"{name}.js") for name in names)
         script = f'(() => {{\n"use strict";\n{ours}\ndocument.documentElement.dataset.ready = "true";\n}})();'
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
@@ -218,19 +218,19 @@ class Report:
     @cached_property
     def _curves(self) -> Runs | None:
         """What draws the curves of the runs."""
-        return Runs(self.courses, [course.result.label for course in self.courses]) if self.courses else None
+        return Runs(self.run_curves, [curves.result.label for curves in self.run_curves]) if self.run_curves else None
 
     def _stages(self, *, several: bool) -> str:
         """Return the drawings of the machines with what moves them, and what they are."""
         inputs = "" if several else _inputs(self.runs[0].scene)
-        if not self.courses:
+        if not self.run_curves:
             return inputs
         figures = ""
-        for one in (course.result for course in self.courses):
+        for one in (curves.result for curves in self.run_curves):
             caption = escape(f"{one.label}: " * several + sync_text(one.scene, self.sheets[one].numbers))
             picture = drawing(machine_of(one.scene), escape(f"Drawing of the machine: {one.label}"))
             figures += f"<figure><figcaption>{caption}</figcaption>{picture}</figure>"
-        motions = [course.motion for course in self.courses]
+        motions = [curves.motion for curves in self.run_curves]
         count = len(motions[0]["windows"])
         note = f"motion × {motions[0]['k']:g}" + (f"; {count} turns, evenly over the run" if count > 1 else "")
         controls = (

@@ -12,13 +12,13 @@ import pandas as pd
 
 from vibroplat.columns import Column, Columns
 from vibroplat.paper import judges
-from vibroplat.paper.evidence import EDGE, IMPACT_KEY, NON_IMPACT_KEY, Curve, Evidence
+from vibroplat.paper.evidence import EDGE, IMPACT_CURVE, NON_IMPACT_CURVE, Evidence, PaperCurve
 from vibroplat.paper.judges import Claim, Finding, as_list, in_order, ratio_to_inelastic
 from vibroplat.paper.root_finding import WIDTH
 from vibroplat.paper.scenes import claims
 from vibroplat.study.branches import SUPPLY, SweepBranch
 
-_FALLS = partial(in_order, "falls", ((Curve(0.2), Curve(0.1)), (Curve(0.1), Curve(0.0))))
+_FALLS = partial(in_order, "falls", ((PaperCurve(0.2), PaperCurve(0.1)), (PaperCurve(0.1), PaperCurve(0.0))))
 
 #: Judges by the names of claims; all bands have the same judge.
 JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
@@ -26,7 +26,7 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "jump-second-resonance": judges.second_resonance,
     "bands-unchanged": judges.same_bands,
     "jump-left": judges.jump_left,
-    "amp-rise": partial(in_order, "rises", ((Curve(0.0), Curve(0.1)), (Curve(0.1), Curve(0.2)))),
+    "amp-rise": partial(in_order, "rises", ((PaperCurve(0.0), PaperCurve(0.1)), (PaperCurve(0.1), PaperCurve(0.2)))),
     "amp-fall-inter": _FALLS,
     "amp-fall-over": _FALLS,
     "attached-mu01": judges.attached_until,
@@ -39,12 +39,12 @@ JUDGES: dict[str, Callable[[Claim, Evidence], Finding]] = {
     "R-nonperiodic-earlier": judges.non_periodic_earlier,
     "R-bands": judges.same_bands,
     "R-over-boundary": judges.periodic_from_over,
-    "NI-below": partial(in_order, "A_impact > A_nonimpact", [(NON_IMPACT_KEY, IMPACT_KEY)]),
+    "NI-below": partial(in_order, "A_impact > A_nonimpact", [(NON_IMPACT_CURVE, IMPACT_CURVE)]),
     # This contradicts amp-rise from 26 to 27.5 Hz, where both are claimed. In steady antiphase the forces of both
     # exciters add along y. Without impacts y is then that of a linear oscillator of mass M:
     # A = 2 m_r r ω²/√((c_y − Mω²)² + ω²(b_y + βm_w)²). At a given ω this falls with β ≥ 0, so A_NI ≤ A(μ = 0), and
-    # A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a share of m_w that moves with the platform, changes this.
-    "NI-mid": partial(in_order, "A_nonimpact > A_impact", [(IMPACT_KEY, NON_IMPACT_KEY)]),
+    # A_I < A_NI implies A_I(μ) < A(μ = 0). Only β < 0, or a fraction of m_w that moves with the platform, changes this.
+    "NI-mid": partial(in_order, "A_nonimpact > A_impact", [(IMPACT_CURVE, NON_IMPACT_CURVE)]),
     "NI-over": judges.non_impact_over,
     "NI-shape": judges.non_impact_shape,
     "quoted-frequencies": judges.quoted_frequencies,
@@ -81,11 +81,11 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
     judged = judges.band if claim["kind"] == "band" else JUDGES[claim["id"]]
     finding = judged(claim, evidence)
     failed = _failed(claim, evidence)
-    elastic = [key for key in failed if key.restitution == 1.0]
+    elastic = [curve for curve in failed if curve.restitution == 1.0]
     if elastic and min(as_list(claim["R"])) == 1.0:
         finding = finding._replace(holds=False, judged=False)
     elif elastic:
-        others = {key: course for key, course in evidence.branches.items() if key not in elastic}
+        others = {curve: records for curve, records in evidence.branches.items() if curve not in elastic}
         rest = judged(claim, replace(evidence, branches=others))
         if rest.holds:
             finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", False, rest.score, judged=False)
@@ -93,11 +93,11 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
             finding = finding._replace(measured=f"{finding.measured}; also fails without R = 1")
     if bool(finding.margin >= 0.0) is not bool(finding.holds):  # another condition decides
         finding = finding._replace(margin=math.nan)
-    counts = ", ".join(f"{count} at {key.text}" for key, count in failed.items())
+    counts = ", ".join(f"{count} at {curve.text}" for curve, count in failed.items())
     return finding._replace(measured=f"{finding.measured} (points that failed: {counts})") if failed else finding
 
 
-def _failed(claim: Claim, evidence: Evidence) -> dict[Curve, int]:
+def _failed(claim: Claim, evidence: Evidence) -> dict[PaperCurve, int]:
     """Count the failed points of each branch that a claim is about, near the frequencies that it names, if any.
 
     It is about the branches whose mass ratios it names, and whose R is in its range.
@@ -106,13 +106,13 @@ def _failed(claim: Claim, evidence: Evidence) -> dict[Curve, int]:
     f = claim.get("within", claim.get("f"))
     low, high = (f[0] - EDGE, f[-1] + MAX_LAG) if isinstance(f, list) else (0.0, math.inf)
     failing = {}
-    for key, (branch, rows) in evidence.branches.items():
-        own = key == Curve(key.mass_ratio, key.restitution) and key.mass_ratio in mu
-        if own and min(r) <= key.restitution <= max(r):
+    for curve, (branch, rows) in evidence.branches.items():
+        own = curve == PaperCurve(curve.mass_ratio, curve.restitution) and curve.mass_ratio in mu
+        if own and min(r) <= curve.restitution <= max(r):
             pairs = branch.scene.exciter_pair[0].pole_pairs  # f_e over these is the synchronous frequency
             failed = [row for row in rows if row["outcome"] != "ok" and low <= row[SUPPLY] / pairs <= high]
-            failing[key] = len(failed)
-    return {key: count for key, count in failing.items() if count}
+            failing[curve] = len(failed)
+    return {curve: count for curve, count in failing.items() if count}
 
 
 def cut(branch: SweepBranch, asked: Sequence[Claim]) -> SweepBranch:

@@ -40,7 +40,7 @@ REGIMES: dict[str, Callable[[Row], bool]] = {
 MOTIONS = ("period-1", "period-1 with flight", "periodic", "non-periodic")
 
 
-class Curve(NamedTuple):
+class PaperCurve(NamedTuple):
     """A curve of the paper: mass ratio, restitution, contact model, impact law, direction."""
 
     mass_ratio: float
@@ -56,7 +56,7 @@ class Curve(NamedTuple):
 
 
 #: The branches by which the contact models are compared.
-IMPACT_KEY, NON_IMPACT_KEY = Curve(0.2), Curve(0.2, model="non-impact")
+IMPACT_CURVE, NON_IMPACT_CURVE = PaperCurve(0.2), PaperCurve(0.2, model="non-impact")
 
 
 class RegimeChange(NamedTuple):
@@ -79,7 +79,7 @@ class RegimeChange(NamedTuple):
 class Step(NamedTuple):
     """A step of a branch in which a regime ends or begins: supply frequencies (Hz) of the rows before and after."""
 
-    key: Curve
+    curve: PaperCurve
     regime: str
     begins: bool
     before: float
@@ -110,7 +110,7 @@ class Evidence:
         The steps whose boundaries have been read: those that are worth narrowing.
     """
 
-    branches: dict[Curve, BranchRecords] = field(default_factory=dict)
+    branches: dict[PaperCurve, BranchRecords] = field(default_factory=dict)
     beta: float | None = None
     boundaries: dict[Step, RegimeChange] = field(default_factory=dict)
     read: dict[Step, None] = field(default_factory=dict, compare=False)
@@ -120,29 +120,29 @@ class Evidence:
         points = zip(branch.key_values, records, strict=True)
         rows = [record["row"] | {SUPPLY: supply, "state": record["state"]} for supply, record in points]
         mass_ratio, contact = branch.scene.material.mass_ratio, branch.scene.contact
-        key = Curve(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)
-        self.branches.setdefault(key, BranchRecords(branch, rows))
+        curve = PaperCurve(mass_ratio, contact.restitution, contact.model, contact.impact_law, branch.direction)
+        self.branches.setdefault(curve, BranchRecords(branch, rows))
 
-    def restitutions(self, mass_ratio: float) -> list[Curve]:
-        """Return the keys of the upward branches of the impact model that a mass ratio has, in the order of R."""
-        return sorted(key for key in self.branches if key == Curve(mass_ratio, key.restitution))
+    def restitutions(self, mass_ratio: float) -> list[PaperCurve]:
+        """Return the upward curves of the impact model that a mass ratio has, in the order of R."""
+        return sorted(curve for curve in self.branches if curve == PaperCurve(mass_ratio, curve.restitution))
 
-    def rows(self, key: Curve, low: float = 0.0, high: float = math.inf, *, decided: str = "") -> list[Row]:
+    def rows(self, curve: PaperCurve, low: float = 0.0, high: float = math.inf, *, decided: str = "") -> list[Row]:
         """Return the rows of a branch that ended ``ok`` between two excitation frequencies (Hz); it may be missing.
 
         With a regime ``decided`` only rows that are known to be inside or outside of it.
         """
-        rows = self.branches[key].rows if key in self.branches else []
+        rows = self.branches[curve].rows if curve in self.branches else []
         rows = [row for row in rows if row["outcome"] == "ok" and low <= row[F] <= high]
         return [row for row in rows if row["motion"] != "undecided"] if decided in MOTIONS else rows
 
-    def curve(self, key: Curve, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def amplitudes(self, curve: PaperCurve, at: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Interpolate RMS y (m) of a branch's antiphase motion at excitation frequencies (Hz), shape (n,).
 
         The result are its values and their standard errors, shape (n,): nan and inf beyond the rows and across jumps.
         The errors of neighbouring rows are taken as independent.
         """
-        rows = [row for row in (*self.rows(key), *(self.jump(key) or ())) if row["sync"] == "antiphase"]
+        rows = [row for row in (*self.rows(curve), *(self.jump(curve) or ())) if row["sync"] == "antiphase"]
         rows.sort(key=lambda row: float(row[F]))
         if len(rows) < 2:
             return np.full(len(at), np.nan), np.full(len(at), np.nan)
@@ -160,33 +160,33 @@ class Evidence:
             mixed = np.hypot((1.0 - part) * errors[index - 1], part * errors[index])
         return between, np.nan_to_num(mixed, nan=np.inf, posinf=np.inf)
 
-    def jump(self, key: Curve) -> RegimeChange | None:
+    def jump(self, curve: PaperCurve) -> RegimeChange | None:
         """Find where antiphase rotation below the second resonance ends."""
-        return self.end_of(key, "antiphase", 20.0)
+        return self.end_of(curve, "antiphase", 20.0)
 
-    def end_of(self, key: Curve, regime: str, above: float = 0.0) -> RegimeChange | None:
+    def end_of(self, curve: PaperCurve, regime: str, above: float = 0.0) -> RegimeChange | None:
         """Find where a branch leaves a regime for the first time above an excitation frequency (Hz).
 
         Returns None if the branch is never in the regime there, or does not leave it.
         """
         holds, inside = REGIMES[regime], False
-        for before, after in pairwise(self.rows(key, decided=regime)):
+        for before, after in pairwise(self.rows(curve, decided=regime)):
             inside = holds(before) and (inside or before[F] >= above)
             if inside and not holds(after):
-                return self._narrowed(Step(key, regime, False, before[SUPPLY], after[SUPPLY]), before, after)
+                return self._narrowed(Step(curve, regime, False, before[SUPPLY], after[SUPPLY]), before, after)
         return None
 
-    def start_of_last(self, key: Curve, regime: str) -> RegimeChange | None:
+    def start_of_last(self, curve: PaperCurve, regime: str) -> RegimeChange | None:
         """Find where the regime begins in which a branch ends.
 
         Returns None if the branch does not end in this regime, or is in it from its first row on.
         """
-        rows, holds = self.rows(key, decided=regime), REGIMES[regime]
+        rows, holds = self.rows(curve, decided=regime), REGIMES[regime]
         changes = [(before, after) for before, after in pairwise(rows) if holds(after) and not holds(before)]
         if not changes or not holds(rows[-1]):
             return None
         before, after = changes[-1]
-        return self._narrowed(Step(key, regime, True, before[SUPPLY], after[SUPPLY]), before, after)
+        return self._narrowed(Step(curve, regime, True, before[SUPPLY], after[SUPPLY]), before, after)
 
     def _narrowed(self, step: Step, before: Row, after: Row) -> RegimeChange:
         self.read[step] = None

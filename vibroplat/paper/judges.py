@@ -1,8 +1,8 @@
 """Judges of the paper's claims about regimes, boundaries between them, and amplitudes over frequency.
 
 Measures of non-periodic motion have standard errors. A comparison of amplitudes is violated at a frequency if it is
-wrong by more than SIGMAS standard errors. It holds if it is violated nowhere, is right at a share MIN_RIGHT of the
-frequencies, and right by more than its error at a share MIN_SURE of them.
+wrong by more than SIGMAS standard errors. It holds if it is violated nowhere, is right at a fraction MIN_RIGHT of the
+frequencies, and right by more than its error at a fraction MIN_SURE of them.
 """
 
 from __future__ import annotations
@@ -17,20 +17,31 @@ import numpy as np
 from vibroplat.config import digits
 from vibroplat.config.digits import interval, number, quantity
 from vibroplat.model.parameters import FloatArray
-from vibroplat.paper.evidence import EDGE, IMPACT_KEY, MOTIONS, NON_IMPACT_KEY, REGIMES, Curve, Evidence, Row, error_of
+from vibroplat.paper.evidence import (
+    EDGE,
+    IMPACT_CURVE,
+    MOTIONS,
+    NON_IMPACT_CURVE,
+    REGIMES,
+    Evidence,
+    F,
+    PaperCurve,
+    Row,
+    error_of,
+)
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
-from vibroplat.study.branches import EXCITATION as F
 from vibroplat.study.branches import SUPPLY
 
-#: Minimum change of frequency (Hz) at a jump, and least share by which RMS y falls there.
+#: Minimum change of frequency (Hz) at a jump, and smallest fraction by which RMS y falls there.
 MIN_JUMP, MIN_FALL = 0.1, 0.2
 #: Largest shift of the jump to the left (Hz) that counts as slight.
 MAX_SLIGHT_SHIFT = 1.0
 #: Spacing of frequencies (Hz) at which curves are compared.
 SPACING = 0.25
-#: Share of an interval in which there must be antiphase motion to be compared.
+#: Fraction of an interval in which there must be antiphase motion to be compared.
 MIN_COVERED = 0.9
-#: Standard errors by which a comparison may be wrong; shares of frequencies at which it must be right, and surely so.
+#: Standard errors by which a comparison may be wrong; fractions of frequencies at which it must be right,
+#: and surely so.
 SIGMAS, MIN_RIGHT, MIN_SURE = 2.0, 0.9, 0.5
 
 Claim = Mapping[str, Any]
@@ -65,9 +76,9 @@ def as_list(value: Any) -> list[float]:
     return list(value) if isinstance(value, Sequence) else [value]
 
 
-def _keys(claim: Claim) -> list[Curve]:
-    """Return the keys of a claim's branches, from its mass ratios and restitutions."""
-    return [Curve(mu, r) for mu in as_list(claim.get("mu", 0.0)) for r in as_list(claim.get("R", 0.0))]
+def _curves_of(claim: Claim) -> list[PaperCurve]:
+    """Return the curves of a claim, from its mass ratios and restitutions."""
+    return [PaperCurve(mu, r) for mu in as_list(claim.get("mu", 0.0)) for r in as_list(claim.get("R", 0.0))]
 
 
 def _join_findings(findings: Mapping[str, Finding]) -> Finding:
@@ -90,13 +101,13 @@ def _closeness(off: float, tolerance: float) -> float:
 
 def band(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether a regime holds at all points in a band, and whether the points of all branches reach its ends."""
-    return _join_findings({key.text: _band_of(claim, evidence, key) for key in _keys(claim)})
+    return _join_findings({curve.text: _band_of(claim, evidence, curve) for curve in _curves_of(claim)})
 
 
-def _band_of(claim: Claim, evidence: Evidence, key: Curve) -> Finding:
+def _band_of(claim: Claim, evidence: Evidence, curve: PaperCurve) -> Finding:
     (low, high), regime = claim["f"], claim["regime"]
     margin = EDGE if low < high else -EDGE  # a single frequency stands for those around it
-    rows = _with_boundary(evidence, key, regime, low - EDGE)
+    rows = _with_boundary(evidence, curve, regime, low - EDGE)
     inside = [row for row in rows if low + margin <= row[F] <= high - margin]
     stretches = regime_intervals([row for row in rows if low - 1.0 <= row[F] <= high + 1.0], regime)
     text = f"{regime} {', '.join(interval(*run, 'Hz') for run in stretches) or 'nowhere'}; "
@@ -123,16 +134,16 @@ def regime_intervals(rows: Sequence[Row], regime: str) -> list[tuple[float, floa
     return [(frequencies[0], frequencies[-1]) for frequencies in stretches]
 
 
-def _with_boundary(evidence: Evidence, key: Curve, regime: str, low: float) -> list[Row]:
+def _with_boundary(evidence: Evidence, curve: PaperCurve, regime: str, low: float) -> list[Row]:
     """Return the rows of a branch and those next to the end of a regime, in the order of frequency."""
-    rows = evidence.rows(key)
-    rows += [row for row in evidence.end_of(key, regime, low) or () if row not in rows]
+    rows = evidence.rows(curve)
+    rows += [row for row in evidence.end_of(curve, regime, low) or () if row not in rows]
     return sorted(rows, key=lambda row: float(row[F]))
 
 
 def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where antiphase rotation ends, and whether frequency and amplitude jump there."""
-    jump = evidence.jump(Curve(claim["mu"]))
+    jump = evidence.jump(PaperCurve(claim["mu"]))
     if jump is None:
         return Finding("antiphase does not end up to 40 Hz")
     before, after = jump
@@ -148,7 +159,7 @@ def second_resonance(claim: Claim, evidence: Evidence) -> Finding:
 
 def jump_left(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether material lowers the frequency of the jump slightly, but by more than its error."""
-    jumps = {mu: evidence.jump(Curve(mu)) for mu in (0.0, *claim["mu"])}
+    jumps = {mu: evidence.jump(PaperCurve(mu)) for mu in (0.0, *claim["mu"])}
     rows = {mu: jump.before for mu, jump in jumps.items() if jump}
     if len(rows) < len(jumps):
         return Finding("antiphase does not end for every μ")
@@ -166,27 +177,27 @@ def same_bands(claim: Claim, evidence: Evidence) -> Finding:
     Branches with several μ are compared with the one without material, those with several R with each other.
     """
     over_mass = isinstance(claim["mu"], Sequence)
-    keys = [Curve(0.0), *_keys(claim)] if over_mass else evidence.restitutions(claim["mu"])
+    curves = [PaperCurve(0.0), *_curves_of(claim)] if over_mass else evidence.restitutions(claim["mu"])
     bands = {}
-    for key in keys:
-        end, start = evidence.jump(key), evidence.end_of(key, "in-phase", 31.0)
+    for curve in curves:
+        end, start = evidence.jump(curve), evidence.end_of(curve, "in-phase", 31.0)
         if end is not None and start is not None:
-            bands[key] = (float(end.before[F]), float(start.after[F]))
-    if len(bands) < max(len(keys), 2):
-        missing = ", ".join(key.text for key in keys if key not in bands) or "one branch or none"
+            bands[curve] = (float(end.before[F]), float(start.after[F]))
+    if len(bands) < max(len(curves), 2):
+        missing = ", ".join(curve.text for curve in curves if curve not in bands) or "one branch or none"
         return Finding(f"antiphase does not end and begin again: {missing}")
     ends = np.array(list(bands.values()))
     off = float(np.max(abs(ends - ends[0]) if over_mass else np.ptp(ends, axis=0)))
-    texts = {key.text: [quantity(f, "Hz") for f in ends] for key, ends in bands.items()}
+    texts = {curve.text: [quantity(f, "Hz") for f in ends] for curve, ends in bands.items()}
     text = "; ".join(f"{name}: up to {a}, again from {b}" for name, (a, b) in texts.items())
     return Finding(text, off <= EDGE, _closeness(off, EDGE), EDGE - off)
 
 
 def attached_until(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether motion is attached from one frequency up to another, and liftoff is neither earlier nor later."""
-    key, begin = Curve(claim["mu"], claim["R"]), claim["from"]
-    rows = evidence.rows(key, begin - EDGE)
-    end = evidence.end_of(key, "attached", begin - EDGE)
+    curve, begin = PaperCurve(claim["mu"], claim["R"]), claim["from"]
+    rows = evidence.rows(curve, begin - EDGE)
+    end = evidence.end_of(curve, "attached", begin - EDGE)
     if not rows or rows[0][F] > begin + EDGE or not REGIMES["attached"](rows[0]):
         return Finding(f"not attached at {begin:g} Hz")
     if end is None:
@@ -198,11 +209,11 @@ def attached_until(claim: Claim, evidence: Evidence) -> Finding:
 
 def non_periodic_from(claim: Claim, evidence: Evidence) -> Finding:
     """Judge where motion stops being periodic, and whether it stays non-periodic up to the jump."""
-    key = Curve(claim["mu"], claim["R"])
-    end = evidence.end_of(key, "periodic", 20.0)
+    curve = PaperCurve(claim["mu"], claim["R"])
+    end = evidence.end_of(curve, "periodic", 20.0)
     if end is None:
         return Finding("periodic everywhere, or nowhere")
-    rows = evidence.rows(key, end.middle + EDGE, 31.0)
+    rows = evidence.rows(curve, end.middle + EDGE, 31.0)
     fraction = float(np.mean([REGIMES["non-periodic"](row) for row in rows])) if rows else 0.0
     off = abs(end.middle - claim["f"])
     text = f"periodic up to {end.text}, then non-periodic at {digits.percent(fraction)} of points up to 31 Hz"
@@ -216,10 +227,10 @@ def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
     Frequencies must differ by more than their error, half of WIDTH.
     """
     starts = {}
-    for key in _keys(claim):
-        if key in evidence.branches:
-            end = evidence.end_of(key, "periodic", 20.0)
-            starts[key.restitution] = end.middle if end and end.before[F] <= 31.0 else math.inf
+    for curve in _curves_of(claim):
+        if curve in evidence.branches:
+            end = evidence.end_of(curve, "periodic", 20.0)
+            starts[curve.restitution] = end.middle if end and end.before[F] <= 31.0 else math.inf
     falls = [a - b - 0.5 * WIDTH for a, b in pairwise(starts.values()) if math.isfinite(b)]
     fraction = sum(fall > 0.0 for fall in falls) / max(len(starts) - 1, 1)
     text = f"non-periodic from: {_by_restitution(starts, 'nowhere') or 'no branches'}"
@@ -229,10 +240,10 @@ def non_periodic_earlier(claim: Claim, evidence: Evidence) -> Finding:
 def periodic_from_over(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the frequency from which over-resonant motion is period-1 up to its end rises with R."""
     starts = {}
-    for key in evidence.restitutions(claim["mu"]):
-        start, rows = evidence.start_of_last(key, "period-1"), evidence.rows(key)
+    for curve in evidence.restitutions(claim["mu"]):
+        start, rows = evidence.start_of_last(curve, "period-1"), evidence.rows(curve)
         first = rows[0] if rows and REGIMES["period-1"](rows[-1]) else {F: math.inf}
-        starts[key.restitution] = float((start.after if start else first)[F])
+        starts[curve.restitution] = float((start.after if start else first)[F])
     values = list(starts.values())
     finite = sum(map(math.isfinite, values))
     rises = [b - a - 0.5 * WIDTH for a, b in pairwise(values) if math.isfinite(b)]
@@ -248,12 +259,12 @@ def _by_restitution(starts: Mapping[float, float], nowhere: str) -> str:
 
 def deviation(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether Δφ departs from π, and x and φ begin to vibrate, close to the jump."""
-    key = Curve(claim["mu"])
-    end = evidence.jump(key)
+    curve = PaperCurve(claim["mu"])
+    end = evidence.jump(curve)
     if end is None:
         return Finding("antiphase does not end")
     last = end.before[F]
-    rows = _with_boundary(evidence, key, "antiphase", 20.0)
+    rows = _with_boundary(evidence, curve, "antiphase", 20.0)
     far, near = ([r for r in rows if a <= r[F] <= b] for a, b in ((25.0, min(29.0, last)), (last - 0.5, last)))
     if not far or not near:
         return Finding("no steady motion near 31 Hz")
@@ -280,7 +291,7 @@ class _Ratio(NamedTuple):
     f, values, errors
         Frequencies (Hz), ratios and their standard errors, shape (n,).
     covered
-        Share of the interval in which both are known.
+        Fraction of the interval in which both are known.
     """
 
     f: FloatArray
@@ -296,9 +307,9 @@ class _Ratio(NamedTuple):
         return float(self.values.mean()), float(np.linalg.norm(self.errors) / len(self.f))
 
 
-def _ratio(claim: Claim, evidence: Evidence, upper: Curve, lower: Curve) -> _Ratio:
+def _ratio(claim: Claim, evidence: Evidence, upper: PaperCurve, lower: PaperCurve) -> _Ratio:
     at = np.arange(claim["f"][0] + EDGE, claim["f"][1] - EDGE + 1e-9, SPACING)
-    (x, dx), (y, dy) = evidence.curve(upper, at), evidence.curve(lower, at)
+    (x, dx), (y, dy) = evidence.amplitudes(upper, at), evidence.amplitudes(lower, at)
     values, known = x / y, np.isfinite(x / y)
     errors = np.abs(values) * np.hypot(dx / x, dy / y)
     return _Ratio(at[known], values[known], errors[known], float(known.mean()))
@@ -327,11 +338,11 @@ def _between(ratio: _Ratio, text: str, low: float = np.nextafter(1.0, 2.0), high
     return Finding(measured, bool(holds), fraction * ratio.covered, margin, "%")
 
 
-def in_order(text: str, pairs: Sequence[tuple[Curve, Curve]], claim: Claim, evidence: Evidence) -> Finding:
+def in_order(text: str, pairs: Sequence[tuple[PaperCurve, PaperCurve]], claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether, in each pair of branches, the second has the larger amplitude."""
     findings = {}
     for pair in pairs:
-        masses = sorted({key.mass_ratio for key in pair})
+        masses = sorted({curve.mass_ratio for curve in pair})
         name = f"μ {' and '.join(f'{mass:g}' for mass in masses)}"
         findings[name] = _between(_ratio(claim, evidence, pair[1], pair[0]), text)
     return _join_findings(findings)
@@ -340,14 +351,14 @@ def in_order(text: str, pairs: Sequence[tuple[Curve, Curve]], claim: Claim, evid
 def ratio_to_inelastic(text: str, low: float, high: float, claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether amplitudes at R > 0 over those at R = 0, and their mean, lie between two ratios."""
     findings = {}
-    for key in evidence.restitutions(claim["mu"]):
-        if 0.0 < key.restitution <= max(claim["R"]):
-            ratio = _ratio(claim, evidence, key, Curve(claim["mu"]))
+    for curve in evidence.restitutions(claim["mu"]):
+        if 0.0 < curve.restitution <= max(claim["R"]):
+            ratio = _ratio(claim, evidence, curve, PaperCurve(claim["mu"]))
             finding, (mean, error) = _between(ratio, text, low, high), ratio.mean
             if math.isfinite(mean):
                 holds = finding.holds and low - SIGMAS * error <= mean <= high + SIGMAS * error
                 finding = finding._replace(measured=f"{finding.measured}, mean {mean - 1.0:+.1%}", holds=holds)
-            findings[key.text] = finding
+            findings[curve.text] = finding
     return _join_findings(findings) if findings else Finding("no branches with R > 0")
 
 
@@ -356,9 +367,9 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
     amplitude = ratio_to_inelastic("amplitude within 1 %", 0.99, 1.01, claim, evidence)
     low, high = claim["f"]
     periods = {}
-    for key in evidence.restitutions(claim["mu"]):
-        rows = evidence.rows(key, low + EDGE, high - EDGE, decided="periodic")
-        periods[key.restitution] = {row[SUPPLY]: row["period"] for row in rows}
+    for curve in evidence.restitutions(claim["mu"]):
+        rows = evidence.rows(curve, low + EDGE, high - EDGE, decided="periodic")
+        periods[curve.restitution] = {row[SUPPLY]: row["period"] for row in rows}
     reference = periods.pop(0.0, {})
     same = {}
     for r, counts in periods.items():
@@ -374,7 +385,7 @@ def restitution_without_effect(claim: Claim, evidence: Evidence) -> Finding:
 
 def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether the non-impact amplitude is larger above resonance, and the ratio grows with R."""
-    ratios = {r: _ratio(claim, evidence, NON_IMPACT_KEY, Curve(claim["mu"], r)) for r in claim["R"]}
+    ratios = {r: _ratio(claim, evidence, NON_IMPACT_CURVE, PaperCurve(claim["mu"], r)) for r in claim["R"]}
     larger = _join_findings({f"R {r:g}": _between(ratio, "A_nonimpact > A_impact") for r, ratio in ratios.items()})
     means = [ratio.mean for ratio in ratios.values()]
     growth = [b - a - SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means)]
@@ -388,8 +399,8 @@ def non_impact_over(claim: Claim, evidence: Evidence) -> Finding:
 def non_impact_shape(claim: Claim, evidence: Evidence) -> Finding:
     """Judge whether impact motion is non-periodic and non-impact motion harmonic: A = √2 RMS within 2 %."""
     nearest = []
-    for key in (IMPACT_KEY, NON_IMPACT_KEY):
-        rows = [row for row in evidence.rows(key) if row["sync"] == "antiphase"]
+    for curve in (IMPACT_CURVE, NON_IMPACT_CURVE):
+        rows = [row for row in evidence.rows(curve) if row["sync"] == "antiphase"]
         row = min(rows, key=lambda row: abs(row[F] - claim["f"][0]), default=None)
         if row is None or abs(row[F] - claim["f"][0]) > EDGE:
             return Finding("30.7 Hz is not reached")
@@ -412,7 +423,7 @@ def quoted_frequencies(claim: Claim, evidence: Evidence) -> Finding:
     Each must be that of a point of antiphase motion on the curve with R = 0, within the tolerance of the claim and, if
     the motion is not periodic, two standard errors.
     """
-    rows = [row for row in evidence.rows(Curve(claim["mu"])) if row["sync"] == "antiphase"]
+    rows = [row for row in evidence.rows(PaperCurve(claim["mu"])) if row["sync"] == "antiphase"]
     points = [(float(row[F]), error_of(row, F)) for row in rows]
     nearby, margins = [], []
     for f, tolerance in claim["quoted"]:
@@ -431,10 +442,10 @@ def layer_damping(claim: Claim, evidence: Evidence) -> Finding:
     is 1.15 for ζ = 1/2. More counts as intensive; ζ < 1 is subcritical. In flight, with both layers free, the ratio is
     ζ√(1 + m_w2/m_w1); it is reported, not judged.
     """
-    course = evidence.branches.get(Curve(claim["mu"]))
-    if course is None or course.branch.scene.layers < 2:
+    records = evidence.branches.get(PaperCurve(claim["mu"]))
+    if records is None or records.branch.scene.layers < 2:
         return Finding("no two layers")
-    material, (stiffness, damping) = course.branch.scene.material, course.branch.scene.layer_spring
+    material, (stiffness, damping) = records.branch.scene.material, records.branch.scene.layer_spring
     ratio = material.damping_ratio or damping / (2.0 * math.sqrt(stiffness))
     low, high = claim["ratio"]
     text = f"damping ratio {number(ratio)}, {number(ratio / math.sqrt(material.lower_share))} in flight"

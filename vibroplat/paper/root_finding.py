@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from vibroplat.config.plans import FREQUENCY, SweepPlan
 from vibroplat.config.scene import Scene
-from vibroplat.paper.evidence import IMPACT_KEY, MOTIONS, REGIMES, Evidence, F, RegimeChange, Step
+from vibroplat.paper.evidence import IMPACT_CURVE, MOTIONS, REGIMES, Evidence, F, RegimeChange, Step
 from vibroplat.paper.scenes import BETA
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import point_task
@@ -34,7 +34,7 @@ MATCHED_HZ, MAX_SHORTFALL_HZ = 30.9, 0.25
 FREQUENCY_TOLERANCE = 1e-3
 #: Largest β that is tried (1/s).
 MAX_BETA = 500.0
-#: Share of the amplitude up to which an excess counts as none.
+#: Fraction of the amplitude up to which an excess counts as none.
 EXCESS_TOLERANCE = 0.01
 #: Excess of amplitude (m) that stands for a frequency that is not reached: with too little friction the motors stay
 #: captured below.
@@ -54,7 +54,7 @@ def _bisect(evidence: Evidence, step: Step) -> Tasks[RegimeChange]:
 
     The result is the boundary with the rows next to the change.
     """
-    branch, rows = evidence.branches[step.key]
+    branch, rows = evidence.branches[step.curve]
     before, after = (next(row for row in rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
     plan = branch.plan.model_copy(
         update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS, "find_coexisting": False}
@@ -82,12 +82,12 @@ def match_beta(evidence: Evidence) -> Tasks[float | None]:
     wanted = matched_frequency(evidence)
     if wanted is None:
         return None
-    impact = float(evidence.curve(IMPACT_KEY, np.array([wanted]))[0][0])
-    branch = evidence.branches[IMPACT_KEY].branch
+    impact = float(evidence.amplitudes(IMPACT_CURVE, np.array([wanted]))[0][0])
+    branch = evidence.branches[IMPACT_CURVE].branch
     # antiphase with viscous friction may be unstable near the jump: without perturbation the motion stays there
     changes = {"measure_s": 1.0, "lyapunov": False, "perturbation": 0.0, "settle_by": "section"}
     plan = branch.plan.model_copy(update=changes)
-    begin = min(evidence.rows(IMPACT_KEY), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]
+    begin = min(evidence.rows(IMPACT_CURVE), key=lambda row: abs(row[F] - wanted + 1.0))[SUPPLY]
     excess: dict[float, float] = {}
     while True:
         try:
@@ -120,8 +120,8 @@ def matched_frequency(evidence: Evidence) -> float | None:
 
     Returns None if the impact model stays more than half a step of the paper below MATCHED_HZ.
     """
-    end = evidence.jump(IMPACT_KEY)
-    below = [end.before] if end else evidence.rows(IMPACT_KEY, high=31.0)
+    end = evidence.jump(IMPACT_CURVE)
+    below = [end.before] if end else evidence.rows(IMPACT_CURVE, high=31.0)
     reached = min(MATCHED_HZ, max((float(row[F]) for row in below), default=0.0))
     return reached if reached >= MATCHED_HZ - MAX_SHORTFALL_HZ else None
 

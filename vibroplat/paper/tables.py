@@ -123,9 +123,9 @@ def sync_bands(evidence: Evidence) -> pd.DataFrame:
     Upward and downward branches follow each other, so that their difference shows the hysteresis.
     """
     rows = []
-    for key in sorted(evidence.branches):
-        for sync, stretch in groupby(evidence.rows(key), key=lambda row: str(row["sync"])):
+    for curve in sorted(evidence.branches):
+        for sync, stretch in groupby(evidence.rows(curve), key=lambda row: str(row["sync"])):
             points = list(stretch)
             ends = [points[end][column] for column in (F, SUPPLY) for end in (0, -1)]
-            rows.append((*key, sync, len(points), *ends, max(row["rms_y_m"] for row in points)))
+            rows.append((*curve, sync, len(points), *ends, max(row["rms_y_m"] for row in points)))
     return pd.DataFrame(rows, columns=list(SYNC_BANDS))

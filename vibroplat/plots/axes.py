@@ -21,7 +21,7 @@ TURN, LOWEST_PHASE = 2.0 * np.pi, -0.5 * np.pi
 SYNC_DISTANCE = np.pi / 3.0
 #: Margin of an axis beyond its data, relative to its range, so that markers are whole; and the smallest range, relative
 #: to the largest number on it.
-MARGIN, LEAST_SHARE = 0.05, 1e-3
+AXIS_MARGIN, MIN_RANGE_RATIO = 0.05, 1e-3
 #: Ratio of the ends of a logarithmic axis up to which there are ticks between its powers of ten.
 NEAR_DECADES = 300.0
 
@@ -63,13 +63,13 @@ def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> N
 def begin_at_zero(axis: Axes, end: float) -> None:
     """Begin a vertical axis at 0, with room for lines and markers at both ends; one below 0 stays as it is."""
     if end > 0.0:
-        axis.set_ylim(-MARGIN * end, (1.0 + MARGIN) * end)
+        axis.set_ylim(-AXIS_MARGIN * end, (1.0 + AXIS_MARGIN) * end)
 
 
 def widen_ticks(axis: Axes, which: Literal["x", "y"], least: float = 0.0) -> None:
     """Widen an axis to a range, and further if the numbers at its ticks would need too many digits to fit."""
     low, high = axis.get_xlim() if which == "x" else axis.get_ylim()
-    missing = max(least, LEAST_SHARE * max(abs(low), abs(high))) - (high - low)
+    missing = max(least, MIN_RANGE_RATIO * max(abs(low), abs(high))) - (high - low)
     if missing > 0.0:
         axis.set(**{f"{which}lim": (low - 0.5 * missing, high + 0.5 * missing)})
 

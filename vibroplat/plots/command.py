@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Names of figures by the command whose results they show, in the order of drawing.
-FIGURES = {"paper": "", **{name: kind.figures for name, kind in KINDS.items()}, "run": RUN_FIGURES}
+FIGURE_NAMES = {"paper": "", **{name: kind.figures for name, kind in KINDS.items()}, "run": RUN_FIGURES}
 #: Commands whose results can be laid over each other.
 _COMPARED = ("sweep", "run")
 
@@ -77,30 +77,30 @@ def plot_results(
         Their tables are missing or damaged.
     """
     stored = [commands_in(path) for path in directories]
-    common = [command for command in FIGURES if all(command in commands for commands in stored)]
+    common = [command for command in FIGURE_NAMES if all(command in commands for commands in stored)]
     first, every = directories[0], ", ".join(map(str, directories))
     if not common and len(directories) > 1 and any(stored):
         raise VibroplatError(f"{every} hold no results of one command; allowed: several runs, or several sweeps")
     common = common or ["run"]
-    allowed = [kind for command in common for kind in FIGURES[command].split()]
+    allowed = [kind for command in common for kind in FIGURE_NAMES[command].split()]
     for kind in kinds:
         if kind not in allowed:
-            other = next(noun_of(command) for command, names in FIGURES.items() if kind in names.split())
+            other = next(noun_of(command) for command, names in FIGURE_NAMES.items() if kind in names.split())
             names = ", ".join(allowed) or "no --kind"
             raise VibroplatError(
                 f"--kind {kind} shows {other}, but {first} holds {noun_of(common[0])}; allowed: {names}"
             )
-    chosen = [command for command in common if not kinds or {*FIGURES[command].split()} & {*kinds}]
+    chosen = [command for command in common if not kinds or {*FIGURE_NAMES[command].split()} & {*kinds}]
     given = {option: value for option, value in options.items() if value is not None}
     for option, value in given.items():
-        able = [command for command in FIGURES if option in pictures_of(command).OPTIONS]
+        able = [command for command in FIGURE_NAMES if option in pictures_of(command).OPTIONS]
         if not {*able} & {*chosen}:
             nouns = " and ".join(map(noun_of, able))
             raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {nouns}")
     written = []
     with styled():
         for command in chosen:
-            wanted = [kind for kind in kinds if kind in FIGURES[command].split()]
+            wanted = [kind for kind in kinds if kind in FIGURE_NAMES[command].split()]
             used = {option: value for option, value in given.items() if option in pictures_of(command).OPTIONS}
             compared = "-compared" if len(directories) > 1 and command in _COMPARED else ""
             for places in [directories] if command in _COMPARED else [[directory] for directory in directories]:

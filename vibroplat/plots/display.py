@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.errors import ConfigError, TableError
-from vibroplat.plots.command import FIGURES, draw_results, pictures_of
+from vibroplat.plots.command import FIGURE_NAMES, draw_results, pictures_of
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.reading import rest_of
 from vibroplat.plots.style import styled
@@ -38,7 +38,7 @@ def figure_of(shown: Result | Orbit, kind: str | None = None, **options: Any) ->
 
 def _result_figure(result: Result, kind: str | None, options: Mapping[str, Any]) -> Figure:
     """Draw a figure of a result, the first one if none is named."""
-    names, allowed = FIGURES[result.command].split(), pictures_of(result.command).OPTIONS
+    names, allowed = FIGURE_NAMES[result.command].split(), pictures_of(result.command).OPTIONS
     if not names:
         raise ConfigError("the figures of the paper are many; allowed: vibroplat plot DIR")
     if kind is not None and kind not in names:

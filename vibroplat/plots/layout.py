@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from vibroplat.plots.axes import label_of
 from vibroplat.plots.strips import height_of
-from vibroplat.plots.style import CAPTION, new_figure
+from vibroplat.plots.style import CAPTION_COLOUR, new_figure
 from vibroplat.results.picture import Facet, Panel, Picture
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _cells(grid: _Grid, x: str, placed: Any) -> Iterator[Cell]:
     for axis, (panel, facet) in placed:
         spec = axis.get_subplotspec()
         if facet.label and (spec.is_first_row() or not (grid.sharey or grid.down) or panel.title):
-            axis.set_title(facet.label, loc="left", color=CAPTION, fontsize=8.5)
+            axis.set_title(facet.label, loc="left", color=CAPTION_COLOUR, fontsize=8.5)
         if spec.is_last_row() or not (grid.sharex or grid.down):
             named = {"ranks": label_of(panel.column), "bars": panel.label}
             axis.set_xlabel(named.get(panel.kind) or label_of(panel.x or x))

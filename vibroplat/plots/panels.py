@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from vibroplat.kernels.compiled import FloatArray
     from vibroplat.plots.layout import Cell
 
-#: Bars of a panel, dots from which on they are smaller, and shares of points that are marked (%).
+#: Bars of a panel, dots from which on they are smaller, and fractions of points that are marked (%).
 BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
 #: Hatch of tiles of points that failed, and most ticks of their vertical axis.
 HATCH, _TICKS = "xxxx", 12
@@ -72,7 +72,7 @@ def _grid(table: pd.DataFrame, key: str, x: str, values: Any) -> pd.DataFrame:
 
 
 def colour_numbers(panel: Panel, points: pd.DataFrame) -> tuple[FloatArray, Any, Normalize]:
-    """Return the number by which each point is colour_numbers, the colours and their norm."""
+    """Return the number by which each point is coloured, the colours and their norm."""
     if panel.classes:
         numbers = points[panel.by].map({name: float(i) for i, name in enumerate(panel.classes)})
         colours: Any = ListedColormap([colour for colour, _ in panel.classes.values()])

@@ -159,7 +159,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
     curves, title
         Names and colours of the curves, and what they have in common.
     near
-        Differences from the first curve that stay below this share of its amplitude are drawn below.
+        Differences from the first curve that stay below this fraction of its amplitude are drawn below.
     """
 
     def draw(result: Result) -> Picture:
@@ -181,7 +181,7 @@ def history(name: str, column: str, curves: Curves, title: str, *, near: float =
 
 
 def _differences(curves: dict[int, pd.DataFrame], column: str, near: float) -> dict[int, pd.DataFrame]:
-    """Return differences from the first curve where these stay below a share of its amplitude."""
+    """Return differences from the first curve where these stay below a fraction of its amplitude."""
     first, differences = curves[min(curves)], {}
     for number, curve in curves.items():
         shown = first[first["t_s"] <= curve["t_s"].max()]

@@ -23,7 +23,7 @@ from vibroplat.plots.layout import Cell, cells_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
 from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
-from vibroplat.plots.style import CAPTION, entry, few, head, legend_below
+from vibroplat.plots.style import CAPTION_COLOUR, entry, few, head, legend_below
 from vibroplat.results.labels import is_number, key_label
 from vibroplat.results.picture import (
     BEHIND,
@@ -207,7 +207,7 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     _limit(axis, panel)
     draw_words(axis, picture, panel.column, x)
     if panel.note:
-        axis.set_title(panel.note, loc="right", fontsize=8.0, color=CAPTION)
+        axis.set_title(panel.note, loc="right", fontsize=8.0, color=CAPTION_COLOUR)
     if panel.by and panel.kind not in ("plane", "ranks") and not panel.classes and (cell.is_last or not picture.facets):
         _, colours, norm = colour_numbers(panel, picture.points)
         bar = axis.figure.colorbar(ScalarMappable(norm, colours), ax=axis, aspect=40)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 #: Height of a strip, of one that is a bar without panels below, and of the space around them (inch).
 STRIP, BAR, AROUND = 0.17, 0.36, 0.4
-#: Opacity of strips, and the share of an axis that a letter takes.
+#: Opacity of strips, and the fraction of an axis that a letter takes.
 PALE, LETTER = 0.75, 0.011
 
 

@@ -36,7 +36,7 @@ PLAIN = (1e-3, 1e5)
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
 LINES, LINE = 3, 0.2
 #: Characters per inch of a legend, of a title and of the text below the title; colour of this text.
-LETTERS, TITLE_LETTERS, CAPTION_LETTERS, CAPTION = 14.0, 11.5, 15.0, "#777777"
+LETTERS, TITLE_LETTERS, CAPTION_LETTERS, CAPTION_COLOUR = 14.0, 11.5, 15.0, "#777777"
 
 _STYLE: Any = {
     "figure.constrained_layout.use": True,
@@ -150,7 +150,7 @@ def head(figure: Figure, title: str, caption: str = "") -> None:
         lines = "\n".join(_wrapped(line, CAPTION_LETTERS * (width - 0.8 - beside)) for line in caption.splitlines())
         own = first.get_title(loc="left") or first.get_title(loc="right")
         first.set_title("", loc="right")
-        first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=CAPTION, fontsize=8.5)
+        first.set_title(f"{lines}\n{own}" if own else lines, loc="left", color=CAPTION_COLOUR, fontsize=8.5)
 
 
 def _set_ticks(figure: Figure) -> None:

@@ -26,7 +26,7 @@ LEAST_RANGE = 0.02
 #: Range of a measure over its size up to which it is told, not drawn.
 STEADY = 2e-3
 #: Distance of a phase difference from 0 and from π up to which strips of synchronization say it all (rad), and the
-#: share of points that may lie farther away.
+#: fraction of points that may lie farther away.
 IN_STEP, APART = np.radians(10.0), 0.05
 
 

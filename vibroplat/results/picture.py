@@ -32,10 +32,9 @@ MODES = {
 }
 #: The colour scale viridis at even distances, from which all its colours follow to a few parts of 256.
 _SCALE = ("#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725")
-#: Share of the scale that curves use: its palest end is too pale for lines on white.
+#: Fraction of the scale that curves use: its palest end is too pale for lines on white.
 _DARK = 0.9
-#: What is known of a point, in the order of their numbers in :attr:`Picture.states`.
-STATES = ("full", "open", "half", "failed")
+#: What is known of a point in :attr:`Picture.states`; how markers show it.
 FULL, OPEN, HALF, LOST = range(4)
 #: What states of points of motions mean.
 MOTIONS = ("periodic", "not periodic", "undecided", "failed")
@@ -68,7 +67,7 @@ class Panel:
     kind
         ``points``: curves and dots; ``tiles``: one for each point, in rows; ``bars``: horizontal ones, over the words
         of ``column``; ``stack``: fractions on each other; ``plane``: of complex numbers, with the unit circle;
-        ``ranks``: each point a dot in the order of its values, at the share of those that are not larger.
+        ``ranks``: each point a dot in the order of its values, at the fraction of those that are not larger.
     height
         Its height over that of others.
     by, classes
@@ -345,7 +344,7 @@ class Picture:
     drawn
         Where points are, by their places; only where these are not in both tables.
     states, meanings
-        Number in :data:`STATES` of each place, and what these mean; without any all are full.
+        One of FULL, OPEN, HALF, LOST for each place, and what these mean; without any all are full.
     caption, meaning
         What is said below the title in print, and below the figure on the page.
     rotation
@@ -405,7 +404,7 @@ class Picture:
 
 
 def shade(fraction: float) -> str:
-    """Return a colour of the scale at a share of its length, from 0, dark, to 1, pale."""
+    """Return a colour of the scale at a fraction of its length, from 0, dark, to 1, pale."""
     known = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for colour in _SCALE])
     positions = np.linspace(0.0, 1.0, len(_SCALE))
     return "#" + "".join(f"{round(float(np.interp(fraction, positions, part))):02x}" for part in known.T)

@@ -38,10 +38,11 @@ from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector, Sett
 #: Minimum ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.
 MIN_EXTENT_RATIO = 0.9
-#: Distance between the means of both halves, as a share of the extent, above which the section drifts.
+#: Distance between the means of both halves, as a fraction of the extent, above which the section drifts.
 MAX_DRIFT = 0.25
-#: The same ratio and share of chaotic motion, the extent of which varies more. Of 53 rows of random machines nine drift
-#: so; among them are all three whose measures differ from those of the next 300 s by more than four standard errors.
+#: The same ratio and fraction of chaotic motion, the extent of which varies more. Of 53 rows of random machines nine
+#: drift so; among them are all three whose measures differ from those of the next 300 s by more than four standard
+#: errors.
 CHAOS_LIMITS = 0.7, 0.1
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.

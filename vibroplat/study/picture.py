@@ -37,13 +37,13 @@ OPTIONS = ("x", "data", "measure")
 _COLOURS = {"up": picture.BLUE, "down": picture.VERMILION}
 #: Fewest values of the second key that make a map of tiles; fewer are bars.
 MIN_ROWS = 5
-#: Shares of flight at which a map has lines.
+#: Fractions of flight at which a map has lines.
 _FLIGHTS = {1e-6: ("-", "material flies"), 0.5: ("--", "half of the time"), 0.9: (":", "90 % of the time")}
 #: Lines of boundaries that have one colour, by the kinds of special points; what thin ones are.
 _DASHES: Sequence[Any] = ("-", "--", "-.", ":", (0, (7, 2)), (0, (1, 2, 1, 2, 5, 2)), (0, (9, 1, 2, 1)))
 UNSTABLE_LOOK = "thin: of unstable orbits"
 #: Column with the speed that formulas of practice give, and what their band is called.
-CONVEYING, PRACTICE = "conveying_speed_m_per_s", f"formulas of practice (simulations: up to {percent(ERROR)} off)"
+SPEED_COLUMN, PRACTICE = "conveying_speed_m_per_s", f"formulas of practice (simulations: up to {percent(ERROR)} off)"
 
 
 def pictures(
@@ -132,7 +132,7 @@ def _practice(
     Its points are those of the branch with the upper ends of the ranges, and the lower ones in a column of their own.
     """
     series, parts, first = list[picture.Series](), [drawn], dict[str, pd.DataFrame]()
-    for rows in sweeps.branches if CONVEYING in drawn and len(colours) <= MAX_COLOURS else ():
+    for rows in sweeps.branches if SPEED_COLUMN in drawn and len(colours) <= MAX_COLOURS else ():
         first.setdefault(sweeps.label(rows.iloc[0]), rows)
     for label, rows in first.items():
         low, high = np.array([_practical_range(sweeps, rows.loc[[index]]) for index in rows.index]).T
@@ -140,8 +140,8 @@ def _practice(
             places = sum(map(len, parts)) + np.arange(len(rows))
             name = ": ".join(filter(None, (label, PRACTICE)))
             broken = np.where(np.isfinite(low), places, picture.BROKEN)
-            series.append(picture.Series(name, broken, "", colours[label], "band", of=(CONVEYING,)))
-            parts.append(drawn.loc[rows.index].assign(**{CONVEYING: high, f"{CONVEYING}{picture.LOW}": low}))
+            series.append(picture.Series(name, broken, "", colours[label], "band", of=(SPEED_COLUMN,)))
+            parts.append(drawn.loc[rows.index].assign(**{SPEED_COLUMN: high, f"{SPEED_COLUMN}{picture.LOW}": low}))
     return series, pd.concat(parts, ignore_index=True) if series else drawn
 
 

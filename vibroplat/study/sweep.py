@@ -65,20 +65,20 @@ SWEEP: Columns = {
     **{name: column for name, column in {**MEASURES, **POINT, **WORK}.items() if name in COLUMNS},
     **SHEET,
 }
-#: The columns of a point with which those of a bifurcation diagram begin, and the others of its two tables.
-_PLACE = ("direction", "branch", EXCITATION)
-DIAGRAM: Columns = {
-    "y_m": Column("y at a whole turn of exciter 1"),
-    "impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes, before the impact"),
-}
-
 _KEYS: Columns = {
     SUPPLY: SWEEP[SUPPLY],
     "…": Column("values of the grid's keys and of sweep.over (instead of the supply), by dotted name"),
 }
-_DIAGRAM: Columns = {**_KEYS, **{name: SWEEP[name] for name in _PLACE}}
+#: Columns of a point with which those of a bifurcation diagram begin.
+_PLACE: Columns = {name: SWEEP[name] for name in ("direction", "branch", EXCITATION)}
 #: Tables of a bifurcation diagram: the numbers in records that they hold, and the column of these.
-_DIAGRAMS = {"section": ("section_y", "y_m"), "impacts": ("impact_speeds", "impact_speed_m_per_s")}
+_DIAGRAMS: dict[str, tuple[str, Columns]] = {
+    "section": ("section_y", {"y_m": Column("y at a whole turn of exciter 1")}),
+    "impacts": (
+        "impact_speeds",
+        {"impact_speed_m_per_s": Column("speed of an impact", "rate at which the gap closes, before the impact")},
+    ),
+}
 #: How many rows of a table are made at a time.
 PART_ROWS = 2000
 #: The tables of a sweep: what their rows are, and their columns.
@@ -94,11 +94,11 @@ TABLES: dict[str, tuple[str, Columns]] = {
     ),
     "section": (
         "`vibroplat sweep` with `kind: bifurcation`: the last turns of each point.",
-        {**_DIAGRAM, "y_m": DIAGRAM["y_m"]},
+        {**_KEYS, **_PLACE, **_DIAGRAMS["section"][1]},
     ),
     "impacts": (
         "`vibroplat sweep` with `kind: bifurcation`: the last impacts of each point.",
-        {**_DIAGRAM, "impact_speed_m_per_s": DIAGRAM["impact_speed_m_per_s"]},
+        {**_KEYS, **_PLACE, **_DIAGRAMS["impacts"][1]},
     ),
 }
 
@@ -136,8 +136,8 @@ class SweepStudy(Study):
         run_branches(self.branches, store, workers, progress)
         points = sweep_table(self.branches, store)
         diagram = {
-            name: partial(diagram_parts, self.branches, store, values, column)
-            for name, (values, column) in _DIAGRAMS.items()
+            name: partial(diagram_parts, self.branches, store, key, columns)
+            for name, (key, columns) in _DIAGRAMS.items()
             if self.branches[0].plan.kind == "bifurcation"
         }
         banded = bands(points)
@@ -317,25 +317,26 @@ def sweep_table(planned: Sequence[SweepBranch], store: Store) -> pd.DataFrame:
     CorruptRecordError
         A record is missing or damaged.
     """
-    columns = (*COLUMNS, *SHEET, *more_columns(planned[0].scene))
+    columns = {**{name: SWEEP[name] for name in (*COLUMNS, *SHEET)}, **more_columns(planned[0].scene)}
     return pd.concat(_parts(planned, store, columns, lambda record: [record["row"]]), ignore_index=True)
 
 
-def diagram_parts(planned: Sequence[SweepBranch], store: Store, values: str, column: str) -> Iterator[pd.DataFrame]:
-    """Yield the parts of a table of a bifurcation diagram; ``values`` names the numbers in records of points."""
+def diagram_parts(planned: Sequence[SweepBranch], store: Store, key: str, columns: Columns) -> Iterator[pd.DataFrame]:
+    """Yield the parts of a table of a bifurcation diagram; its column has the numbers of a ``key`` of records."""
+    (column,) = columns
 
     def rows(record: Record) -> list[Record]:
-        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[values]]
+        return [{EXCITATION: record["row"].get(EXCITATION), column: value} for value in record[key]]
 
-    return _parts(planned, store, (*_PLACE, column), rows)
+    return _parts(planned, store, {**_PLACE, **columns}, rows)
 
 
 def _parts(
-    planned: Sequence[SweepBranch], store: Store, columns: Sequence[str], rows_of: Callable[[Record], list[Record]]
+    planned: Sequence[SweepBranch], store: Store, columns: Columns, rows_of: Callable[[Record], list[Record]]
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of all records in parts, at least one, as tables with the swept keys and these columns."""
     key, grid = column_of(planned[0].swept), planned[0].plan.grid
-    meant = {**SWEEP, **DIAGRAM, **more_columns(planned[0].scene)}
+    meant = {**SWEEP, **columns}
     rows = (
         {key: value, **branch.grid, "direction": branch.direction, "branch": branch.number, **row}
         for branch in planned

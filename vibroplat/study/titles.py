@@ -72,13 +72,13 @@ def _failed(table: pd.DataFrame) -> str:
 
 
 def regimes(sweeps: Sweeps) -> str:
-    """Say at which share of its points a map has each synchronization and flight, and what motions there are."""
+    """Say at which fraction of its points a map has each synchronization and flight, and what motions there are."""
     table = sweeps.table
     known = table[table["sync"].notna()]
     if known.empty:
         return "Every point failed"
-    shares = known["sync"].value_counts() / len(known)
-    text = ", ".join(f"{sync_words(str(sync))} at {digits.percent(float(share))}" for sync, share in shares.items())
+    fractions = known["sync"].value_counts() / len(known)
+    text = ", ".join(f"{sync_words(str(sync))} at {digits.percent(float(part))}" for sync, part in fractions.items())
     flies = float((known["flight_fraction"] > 0.0).mean()) if "flight_fraction" in known else 0.0
     flight = f"material flies at {digits.percent(flies)}" if flies else ""
     return sentence(f"{text} of the points", flight, motions(table), _failed(table))
