@@ -35,6 +35,12 @@ def test_starts_come_to_the_motions_to_which_they_settle():
     assert sum(found.values()) == 3
 
 
+def test_material_that_runs_away_has_no_speed_and_is_one_motion():
+    scene = machine(random=3, max_turns=120, seed=2)
+    slope = {"deck_angle_deg": -25.0, "friction": 0.1, "static_friction": 0.8}
+    assert counts(scene.replace({"transport": slope})) == {"antiphase, non-periodic": 3}
+
+
 @pytest.mark.long
 def test_shares_are_those_of_the_other_engine():
     one, other = (counts(machine(engine, random=40, max_turns=1000)) for engine in ("taylor", "native"))

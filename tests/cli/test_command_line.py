@@ -16,6 +16,7 @@ from common.places import QUICKSTART, ROOT
 
 from vibroplat import __version__, load, load_config
 from vibroplat.config.keys import configuration_schema, keys
+from vibroplat.config.kinds import KINDS, OTHERS
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import announce_compilation
 from vibroplat.results.provenance import configuration_hash, provenance
@@ -72,8 +73,7 @@ def test_a_run_loads_nothing_that_it_does_not_use(command, tmp_path):
 def test_help_names_the_commands_and_h_is_short_for_it(command):
     done = command("--help")
     assert (done.code, done.err) == (0, "")
-    study = {"new", "run", "sweep", "orbits", "find", "plot", "report", "film", "export"}
-    for name in study | {"paper", "bench", "schema", "columns"}:
+    for name in (*KINDS, *OTHERS, "new", "plot", "report", "film", "export", "bench", "schema", "columns"):
         assert re.search(rf"^\W*{name}\s", done.out, re.MULTILINE)
     for before in ([], ["run"], ["new"]):
         assert command(*before, "-h") == command(*before, "--help")
@@ -82,7 +82,7 @@ def test_help_names_the_commands_and_h_is_short_for_it(command):
         found = command(name, "--help").out
         assert ("--engine" in found, "--check" in found) == (True, True)
     summaries = [line.split("  ")[-1] for line in done.out.partition("\nBegin:")[2].splitlines() if line[:2] == "  "]
-    assert len(summaries) == 16
+    assert len(summaries) == len(KINDS) + 11
     assert all(len(summary) <= 60 and summary.endswith(".") for summary in summaries)
     assert "..." not in "".join(summaries)
 

@@ -105,7 +105,7 @@ def test_a_sweep_is_checked_and_resumed(command, kernels, here):
     done = command("sweep", QUICKSTART, *SWEEP, "--check", "--resume")
     assert (done.code, done.err) == (0, "")
     assert "3 tasks from before" in done.out
-    assert ", 3 motions, measures within " in done.out
+    assert ", 3 of 3 motions agree, measures within " in done.out
     check = read_json(here / "results/quickstart/sweep", "provenance")["check"]
     assert (check["checked"], check["disagreements"]) == (3, [])
 

@@ -10,10 +10,7 @@ from vibroplat.config.drive import MAX_ENTRIES
 from vibroplat.config.reader import parse_overrides
 from vibroplat.errors import ConfigError
 
-SECTIONS = (
-    "name, machine, motor, motors, exciters, material, contact, transport, drive, run, solver, output, sweep, orbits, "
-    "find, basins, design"
-)
+SECTIONS = ", ".join(Scene.model_fields)
 MOTOR = (
     "critical_torque_n_m, critical_slip, rated_power_w, rated_speed_rpm, breakdown_ratio, pole_pairs, "
     "friction_radius_m, rated_frequency_hz"

@@ -10,6 +10,7 @@ from common import handmade
 from common.pages import data_of, figures_of, page_of, read
 from common.results import unproven
 
+from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.rows import orbit_motion
 from vibroplat.page.report import write_report
 from vibroplat.page.results import parameters
@@ -114,7 +115,8 @@ def test_a_directory_without_results_is_refused(tmp_path, command):
     for directory in (tmp_path, tmp_path / "nowhere"):
         done = command("report", directory)
         assert (done.code, done.out) == (2, "")
-        names = "run, sweep, orbits, find, basins or design"
+        *others, last = KINDS
+        names = f"run, {', '.join(others)} or {last}"
         told = f"{directory} holds no finished {names}; allowed: a directory with one of them"
         assert done.err == f"vibroplat: {told}\n"
 

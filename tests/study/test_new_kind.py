@@ -131,7 +131,17 @@ ADDED = {
         ),
         "from vibroplat.config.drive import Drive\n": "from vibroplat.config.changes import ChangesPlan\n",
     },
+    "../tests/test_rooms.py": {'        "designs",\n': '        "changing",\n'},
+    "../tests/results/test_result.py": {"PLANS = {\n": '    "changes": {"keys": ["machine.platform_mass_kg"]},\n'},
+    "../results/method.md": {"| `designs` |": "| `changing` | what keys do one by one |\n"},
 }
+#: Tests that a kind must pass without further lines in them.
+TESTS = (
+    *("tests/test_rooms.py", "tests/results/test_result.py::test_a_result_is_loaded_as_it_was_computed[changes]"),
+    "tests/page/test_page.py::test_a_directory_without_results_is_refused",
+    "tests/cli/test_command_line.py::test_help_names_the_commands_and_h_is_short_for_it",
+    "tests/config/test_messages.py",
+)
 #: An engine in a module of its own, and the line that makes it known.
 ENGINE = "from vibroplat.integrate.taylor import TaylorEngine\n\n\nclass Again(TaylorEngine):\n    name = 'again'\n"
 KNOWN = {"ENGINES = {\n": '    "again": EngineKind("integrate.again.Again", "integrate.taylor.carry"),\n'}
@@ -153,8 +163,8 @@ name: toy
 solver: {engine: taylor}
 changes: {keys: [machine.platform_mass_kg, machine.stiffness_y_n_per_m], factor: 1.02}
 """
-#: Most files and lines besides the folder of a kind and its section, a file beside the others.
-FILES, LINES = 4, 12
+#: Most files and lines besides the folder of a kind: the file of its section is one of them, with all its lines.
+FILES, LINES = 7, 28
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +172,9 @@ def vibroplat(tmp_path_factory, kernels):
     """A function that runs the program with the kind added."""
     copy = tmp_path_factory.mktemp("house")
     shutil.copytree(ROOT / "vibroplat", copy / "vibroplat", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "configs", copy / "configs")
+    for name in ("configs", "tests", "results"):
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", copy)
     (copy / "vibroplat/changing").mkdir()
     for name, text in OWN.items():
         (copy / "vibroplat/changing" / name).write_text(text)
@@ -190,13 +202,14 @@ def vibroplat(tmp_path_factory, kernels):
 
 
 def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
+    added = [*(line for lines in ADDED.values() for line in lines.values()), PLAN]
     assert len([*ADDED, PLAN]) <= FILES
-    assert sum(line.count("\n") for lines in ADDED.values() for line in lines.values()) <= LINES
+    assert sum(text.count("\n") for text in added) <= LINES
     assert "changes  Change keys one by one." in vibroplat("--help")
     assert "## changes" in vibroplat("columns")
     assert "`changes.keys`" in vibroplat("schema", "--markdown")
     printed = vibroplat("changes", "toy.yaml", "--check", "--jobs", "2")
-    assert "checked by: engine native, 2 motions" in printed
+    assert "checked by: engine native, 2 of 2 motions agree" in printed
     directory = vibroplat.copy / "results/toy/changes"
     assert json.loads((directory / "provenance.json").read_text())["check"]["disagreements"] == []
     assert "2 tasks from before" in vibroplat("changes", "toy.yaml", "--resume")
@@ -209,6 +222,13 @@ def test_a_kind_takes_a_folder_and_few_lines_elsewhere(vibroplat):
     python = "from vibroplat import changes, load, load_config; fresh = changes(load_config('toy.yaml'));"
     python += "assert load('results/toy').changes.equals(fresh.changes); print(fresh); fresh.plot()"
     assert "keys                        2" in vibroplat("-c", python)
+
+
+def test_a_kind_needs_no_further_lines_in_tests(vibroplat):
+    for page, printed in (("configuration", ("schema", "--markdown")), ("columns", ("columns",))):
+        (vibroplat.copy / f"results/{page}.md").write_text(vibroplat(*printed))
+    told = vibroplat("-c", f"import pytest, sys; sys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', *{TESTS!r}]))")
+    assert "passed" in told
 
 
 def test_an_engine_takes_its_module_and_a_line(vibroplat):

@@ -303,7 +303,7 @@ class AttractorMapper:
             if orbit_number is not None:
                 return {"attractor": orbit_number, "turns": turns}
             turns += more
-            row = row_of(measure(part, self.scene), self.scene)
+            row = row_of(measure(part, self.scene), self.scene, period=0)
             rows.append({name: row[name] for name in (*MEASURES, *DESCRIBING_COLUMNS) if name in row})
         end = {"outcome": "ok", "detail": "", "state": motion.state.tolist(), "windows": rows}
         return {"attractor": None, "turns": self.max_turns, **end}

@@ -28,9 +28,9 @@ Window = Mapping[str, Any]
 
 
 def is_alike(one: Window, other: Window, scales: FloatArray, tolerance: float = MAX_DIFFERENCE) -> bool:
-    """Whether two motions are synchronized alike, with nearly the same RMS displacements and share of flight."""
+    """Whether two motions are synchronized alike, with nearly the same RMS displacements and fraction of flight."""
     known = {name: index for name, index in MEASURES.items() if index < len(scales)}
-    sizes = np.array([[row[name] for name in known] for row in (one, other)]) / scales[[*known.values()]]
+    sizes = np.array([[row[name] or 0.0 for name in known] for row in (one, other)]) / scales[[*known.values()]]
     near = np.linalg.norm(sizes[1] - sizes[0]) <= tolerance * np.linalg.norm(sizes, axis=1).max()
     flying = abs((one["flight_fraction"] or 0.0) - (other["flight_fraction"] or 0.0)) <= tolerance
     return bool(near) and flying and same_phase(one, other)

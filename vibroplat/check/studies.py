@@ -36,7 +36,7 @@ class CrossCheck(NamedTuple):
     checked
         How many motions were repeated.
     largest
-        The largest difference that is within what is allowed, over the larger of the measure and its scale.
+        The largest difference of motions that agree, over the larger of the measure and its scale.
     disagreements
         A line for each motion that differs.
     """
@@ -48,8 +48,9 @@ class CrossCheck(NamedTuple):
 
     def lines(self) -> Iterator[tuple[str, str]]:
         """Yield lines that summarize it: label and text."""
-        motions = f"{self.checked} motion{'s' * (self.checked != 1)}"
-        text = f"{motions}, measures within {percent(self.largest)}" if self.checked else "no motion can be repeated"
+        agreeing = self.checked - len(self.disagreements)
+        text = f"{agreeing} of {self.checked} motions agree" if self.checked else "no motion can be repeated"
+        text += f", measures within {percent(self.largest)}" if agreeing else ""
         yield "checked by" if self.checked else "not checked by", f"engine {self.other}, {text}"
 
     def to_tree(self) -> dict[str, Any]:

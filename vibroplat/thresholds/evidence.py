@@ -16,14 +16,14 @@ from vibroplat.thresholds.values import ScanPoint
 
 #: Largest number of rounds.
 MAX_ROUNDS = 10
-#: Where all of :data:`STARTS` starts with new seeds have one outcome, the share of starts that have another is at most
-#: the first, but for the second probability: without a failure of n starts the share p has the probability (1 - p)**n,
-#: and each of the rounds may be the one that errs.
-MAX_SHARE, ERROR = 0.05, 0.05
-STARTS = math.ceil(math.log(ERROR / MAX_ROUNDS) / math.log1p(-MAX_SHARE))
+#: Where all of :data:`STARTS` starts with new seeds have one outcome, the fraction of starts that have another is at
+#: most the first, but for the second probability: without a failure of n starts the fraction p has the probability
+#: (1 - p)**n, and each of the rounds may be the one that errs.
+MAX_OTHER_FRACTION, ERROR_PROBABILITY = 0.05, 0.05
+STARTS = math.ceil(math.log(ERROR_PROBABILITY / MAX_ROUNDS) / math.log1p(-MAX_OTHER_FRACTION))
 #: Distance of these starts from an end of a mixed interval, relative to its width; and values of a round, up to the end
 #: of the range, with distances that form a geometric series.
-MARGIN, VALUES_PER_ROUND = 0.08, 30
+CLEAR_DISTANCE_RATIO, VALUES_PER_ROUND = 0.08, 30
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
 VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
@@ -86,9 +86,9 @@ class ClearRange(NamedTuple):
         return self.starts > STARTS // 2
 
     @property
-    def largest_share(self) -> float:
-        """Share of starts at the nearest value that may have another outcome."""
-        return float(1.0 - (ERROR / MAX_ROUNDS) ** (1.0 / self.starts))
+    def max_other_fraction(self) -> float:
+        """Largest fraction of starts at the nearest value that may have another outcome."""
+        return float(1.0 - (ERROR_PROBABILITY / MAX_ROUNDS) ** (1.0 / self.starts))
 
 
 class Zone(NamedTuple):
@@ -103,7 +103,7 @@ class Zone(NamedTuple):
     below, above
         The values on both sides.
     open_ended
-        Whether the interval was still growing when the search ended.
+        Whether its ends still moved when the search ended.
     """
 
     thresholds: Sequence[Threshold]
@@ -247,7 +247,7 @@ class ScaledKey:
     def beyond(self, zone: Zone, upward: bool) -> list[float]:
         """Return the values of a round beyond the lower or the upper end of a zone, the nearest first.
 
-        The nearest has no more digits than the tolerance.
+        The nearest has no more digits than the tolerance, unless no such value is before the limit.
         """
         low, high = map(self.place_of, zone.edges)
         edge, clear = high if upward else low, zone.side(upward)
@@ -255,12 +255,14 @@ class ScaledKey:
         if length == 0.0:
             return []
         narrow = self.place_of(zone.edges[upward] + self.plan.narrow) - edge
-        first = min(max(MARGIN * (high - low), narrow), 0.5 * length)
+        first = min(max(CLEAR_DISTANCE_RATIO * (high - low), narrow), 0.5 * length)
         distances = [first * (length / first) ** (k / VALUES_PER_ROUND) for k in range(VALUES_PER_ROUND)]
         nearest, *others = (self.value(edge + distance if upward else edge - distance) for distance in distances)
-        step = 10.0 ** math.floor(math.log10(self.plan.narrow))
-        rounded = (math.ceil(nearest / step - 1e-6) if upward else math.floor(nearest / step + 1e-6)) * step
-        return [rounded if abs(rounded - clear.limit) < abs(zone.edges[upward] - clear.limit) else nearest, *others]
+        decimals = -math.floor(math.log10(self.plan.narrow))
+        steps = nearest * 10.0**decimals
+        rounded = round((math.ceil(steps - 1e-6) if upward else math.floor(steps + 1e-6)) / 10.0**decimals, decimals)
+        begin, end = sorted((zone.edges[upward], clear.limit))
+        return [rounded if begin < rounded < end else nearest, *others]
 
 
 def is_wanted(zone: Zone, upward: bool, plan: FindPlan) -> bool:

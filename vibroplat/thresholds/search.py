@@ -55,7 +55,8 @@ CHECK_OFFSET = 0.02
 MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
-#: Most starts whose time is measured, and chains in which those of a round are made: each chain ends with a failure.
+#: Most starts whose time is measured, and chains in which those of a round are made: each chain ends at its first
+#: contradiction.
 TIMED_STARTS, CHAINS = 20, 8
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
@@ -344,9 +345,11 @@ class ThresholdSearch:
         unsure = self.disturbed and is_wanted(zone, upward, self.plan) and not zone.side(upward).sure
         for place, at in enumerate(self._places.beyond(zone, upward)):
             seeds = list(islice(self._seeds, STARTS if unsure and not place else 1))
-            yield from (self._starts(at, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
+            yield from (self._challenge(at, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
 
-    def _starts(self, at: float, seeds: Sequence[int], zone: Zone, upward: bool) -> Tasks[tuple[None, list[ScanPoint]]]:
+    def _challenge(
+        self, at: float, seeds: Sequence[int], zone: Zone, upward: bool
+    ) -> Tasks[tuple[None, list[ScanPoint]]]:
         """Look at one value with these seeds, until one contradicts what is known beyond this end of a zone."""
         evaluated: list[ScanPoint] = []
         nearest = zone.side(upward).nearest
@@ -357,7 +360,7 @@ class ThresholdSearch:
         return None, evaluated
 
     def start_times(self, at: float) -> list[float]:
-        """Return how long starts at a value that was evaluated take (s), of those that a resonance does not capture."""
+        """Return how long starts at a value that was evaluated take (s), of those without a slow motor."""
         known = {value.seed: value.row for value in self.evaluated if value.value == at and not value.failed}
         seconds = max((row["settle_s"] for row in known.values()), default=self.plan.max_settle_s)
         seeds = islice(known, TIMED_STARTS)

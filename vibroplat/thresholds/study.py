@@ -27,15 +27,13 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-from vibroplat.thresholds.evidence import ERROR, ClearRange, Threshold, Zone, facts, is_wanted
+from vibroplat.thresholds.evidence import ERROR_PROBABILITY, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
-from vibroplat.thresholds.tables import POINT, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
+from vibroplat.thresholds.tables import POINT_COLUMNS, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
 from vibroplat.thresholds.values import ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
 KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
-#: What is said of starts in which an exciter is captured, overloaded or hangs.
-SLOW = "slow: an exciter stays far below its synchronous speed, in"
 #: Outcomes of an expression in words.
 OUTCOME_TEXTS = {True: "true", False: "false", None: "empty"}
 
@@ -82,7 +80,7 @@ class ThresholdStudy(Study):
             "thresholds": str(len(thresholds)),
         }
         headline, short = self._short(zones, every)
-        short += [*self._promise(zones), *self._starts(search, zones)]
+        short += [*self._promise(zones), *self._start_line(search, zones)]
         failed = [self._failure(value) for value in every if value.failed]
         answer = Answer(lines, (), list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
@@ -136,7 +134,7 @@ class ThresholdStudy(Study):
     def _scan(self, values: Sequence[ScanPoint]) -> pd.DataFrame:
         key, columns = column_of(self.plan.key), _columns(self.scene)
         rows = [{key: value.value, "reason": value.reason, "seed": value.seed, **value.row} for value in values]
-        names = [key, "reason", "seed", *POINT, *SHEET, *more_columns(self.scene)]
+        names = [key, "reason", "seed", *POINT_COLUMNS, *SHEET, *more_columns(self.scene)]
         return study_table(rows, names, {**columns, **VALUES, SUPPLY: SWEEP[SUPPLY]})
 
     # -- in words ------------------------------------------------------------------------------------------------------
@@ -174,14 +172,14 @@ class ThresholdStudy(Study):
         sides = [zone.side(upward) for zone in zones for upward in (False, True)]
         sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "beside each change"
         if sure:
-            risk = f"less than {percent(max(side.largest_share for side in sure))} of other starts {where} differ"
+            risk = f"less than {percent(max(side.max_other_fraction for side in sure))} of other starts {where} differ"
             beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
-            yield f"{risk} ({given(100.0 - 100.0 * ERROR)} % confidence); {beyond}"
+            yield f"{risk} ({given(100.0 - 100.0 * ERROR_PROBABILITY)} % confidence); {beyond}"
         if self.plan.expression is None and any(side.slow for side in sides):
             counts = [f"{side.slow} of {side.tried}" for side in sides]
-            yield f"{SLOW} {'; '.join(map(' → '.join, zip(counts[::2], counts[1::2], strict=True)))} starts"
+            yield _slow(f"{'; '.join(map(' → '.join, zip(counts[::2], counts[1::2], strict=True)))} starts")
 
-    def _starts(self, search: ThresholdSearch, zones: Sequence[Zone]) -> list[str]:
+    def _start_line(self, search: ThresholdSearch, zones: Sequence[Zone]) -> list[str]:
         """Return the line on the duration of starts on both sides of the first threshold with slow ones on a side."""
         for zone in zones:
             sides = [zone.side(upward) for upward in (False, True)]
@@ -302,7 +300,7 @@ class ThresholdStudy(Study):
         lines = [f"up to {number(apart, 2)} {unit_of(plan.key)}".rstrip() + " apart: between them nothing is known"]
         slow, expressed = sum(value.hangs for value in good), f"{plan.expression} is " if plan.expression else ""
         if slow and not expressed:
-            lines.append(f"{SLOW} {slow} of {len(good)}")
+            lines.append(_slow(f"{slow} of {len(good)} starts"))
         told = f"{expressed}{self._outcome(good[0])} in all {counted(len(good), 'start')}"
         return f"no threshold: {told} {key_range}", lines
 
@@ -310,8 +308,8 @@ class ThresholdStudy(Study):
         for zone in zones:
             if zone.open_ended:
                 yield (
-                    f"the mixed interval {self._interval(zone)} still grew in the last round of starts: "
-                    "outcomes may be mixed beyond it"
+                    f"outcomes may be mixed beyond the interval {self._interval(zone)}: its ends still moved in the "
+                    "last round of starts"
                 )
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
@@ -327,6 +325,11 @@ class ThresholdStudy(Study):
                 f"at {len(unsettled)} of {len(every)} values, first at {self._round(unsettled[0])}, the motion was "
                 "measured in a transient or has no clear class: a larger find.max_settle_s may change the outcome"
             )
+
+
+def _slow(counts: str) -> str:
+    """Say in how many starts an exciter is captured, overloaded or hangs."""
+    return f"slow: an exciter stays far below its synchronous speed, in {counts}"
 
 
 def _columns(scene: Scene) -> Columns:

@@ -41,14 +41,14 @@ THRESHOLDS: Columns = {
     "starts_below": Column("number of starts there", "each with another seed", kind=COUNT),
     "tried_below": Column("number of these starts and of those further below", "all have one outcome", kind=COUNT),
     "tried_down_to": Column("smallest of the tried_below values", "it ends at another threshold or the range"),
-    "clear_above": Column("value above it with most starts", "see clear_below"),
+    "clear_above": Column("the same above it"),
     "starts_above": Column("number of starts there", "each with another seed", kind=COUNT),
     "tried_above": Column("number of these starts and of those further above", "see tried_below", kind=COUNT),
     "tried_up_to": Column("largest of the tried_above values"),
     **{f"{side}_{name}": SWEEP[name] for side in ("below", "above") for name in SIDE_COLUMNS},
 }
-#: Columns of a point that were searched for.
-POINT = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
+#: Columns of an evaluated value that are those of a point of a sweep.
+POINT_COLUMNS = tuple(name for name in COLUMNS if name not in ("direction", "branch"))
 VALUES: Columns = {
     "reason": Column(
         "reason for which the value was evaluated",
@@ -61,7 +61,7 @@ VALUES: Columns = {
         "run.seed; seed and beyond: others, each for one start only",
         kind=COUNT,
     ),
-    **{name: SWEEP[name] for name in (*POINT, *SHEET)},
+    **{name: SWEEP[name] for name in (*POINT_COLUMNS, *SHEET)},
 }
 
 

@@ -23,7 +23,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import simulate
 from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
-from vibroplat.observe.notes import HELPS_START
+from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.synchronization import STAYING_TURNS
 from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
 from vibroplat.study.store import Record
@@ -93,7 +93,7 @@ class ScanPoint(NamedTuple):
     @property
     def hangs(self) -> bool:
         """Whether an exciter stays far below its synchronous speed."""
-        return HELPS_START in (self.row.get("notes") or "")
+        return bool(self.row.get("slow"))
 
     @property
     def text(self) -> str:
@@ -104,7 +104,7 @@ class ScanPoint(NamedTuple):
 
 
 def relative_difference(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
-    """How much the measures of two values differ, as shares of them; that of the expression alone if there is one."""
+    """How much the measures of two values differ, relative to them; that of the expression alone if there is one."""
     if plan.compared is not None:
         a, b = (value.row.get(plan.compared[0]) for value in (one, other))
         return math.inf if a is None or b is None else abs(a - b)
@@ -190,6 +190,9 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     settled = with_final_supply(scene)
     point = measure_point(settled, plan.measuring(times, perturbation), state, key)
     row = point.row
+    if point.state is not None:
+        measured = {"measured_from_s": row["settle_s"], "measured_to_s": row["simulated_s"]}
+        row["slow"] = bool(slow_motors(settled, row | measured))
     if point.state is not None and row["period"] and row.get("multiplier_max") is None:
         try:
             orbit = orbit_near(settled, point.state, row["period"], TOLERANCE)
@@ -209,8 +212,8 @@ def start_time(scene: Scene, seconds: float) -> Record:
     """
     turns = 2.0 * math.pi * STAYING_TURNS / scene.speed_scale
     last = 0.0 if scene.drive.program is None else scene.drive.program[-1].t_s
-    run = simulate(scene.replace({"run.duration_s": 2.0 * (last + seconds + 2.0 * turns)}), keep="summary")
-    return {"seconds": None if run.summary["captured_by"] else run.summary["synchronized_at_s"]}
+    found = simulate(scene.replace({"run.duration_s": 2.0 * (last + seconds + 2.0 * turns)}), keep="summary").summary
+    return {"seconds": None if slow_motors(scene, found) else found["synchronized_at_s"]}
 
 
 def _follow_program(scene: Scene, start: FloatArray) -> list[float] | SweepPoint:
