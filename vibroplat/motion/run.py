@@ -31,7 +31,16 @@ from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
 from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, whole_run
-from vibroplat.observe.notes import change, drift, free_swing, notes_on_measures, slow_motors, stiffness, symmetry
+from vibroplat.observe.notes import (
+    change,
+    drift,
+    free_swing,
+    notes_on_measures,
+    slow_motors,
+    stiffness,
+    symmetry,
+    unfinished_stop,
+)
 from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
@@ -199,6 +208,7 @@ def _summary(
     since, until = measures["measured_from_s"], measures["measured_to_s"]
     changed = scene.drive.last_change(until)
     left, free = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures), start)
+    free = free or unfinished_stop(scene, measures, motion.state)
     if changed <= since and any(scene.driven(since, until)) and not free:
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.coordinates import COORDINATES
+from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
+from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.conveying import INTERNAL_FRICTION
 from vibroplat.observe.data_sheet import steady_supply
@@ -188,8 +189,23 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
         return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
     seconds = 2.0 * (end - begins + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
     return (
-        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: steady from about "
-        f"run.duration_s = {given(float(f'{seconds:.2g}'))} on"
+        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: not steady before about "
+        f"run.duration_s = {given(float(f'{seconds:.2g}'))}"
+    )
+
+
+def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray) -> str:
+    """Return the note on exciters that still turn in the last state of a run without drive, or an empty text."""
+    inertia, _, stiffness = scene.oscillators
+    springs = stiffness > 0.0
+    slowest = math.sqrt(float(np.min(stiffness[springs] / inertia[springs]))) if springs.any() else 0.0
+    places = [len(COORDINATES) + RATES.index(f"phi{n}_rate_rad_per_s") for n in (1, 2)]
+    fastest = float(np.max(np.abs(state[places])))
+    if any(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) or fastest <= 0.5 * slowest:
+        return ""
+    return (
+        f"exciters, off, still turn or swing at up to {quantity(fastest / (2.0 * math.pi), 'Hz')}: larger values may "
+        "follow as they pass resonances, and a longer run.duration_s shows them"
     )
 
 

@@ -1,8 +1,7 @@
 """Judges of the paper's claims about regimes, boundaries between them, and amplitudes over frequency.
 
-Measures of non-periodic motion have standard errors. A comparison of amplitudes is violated at a frequency if it is
-wrong by more than SIGMAS standard errors. It holds if it is violated nowhere, is right at a fraction MIN_RIGHT of the
-frequencies, and right by more than its error at a fraction MIN_SURE of them.
+A comparison of amplitudes holds if it is wrong by more than SIGMAS standard errors at no frequency, right at a fraction
+MIN_RIGHT of the frequencies, and right by more than its error at a fraction MIN_SURE of them.
 """
 
 from __future__ import annotations
@@ -40,8 +39,7 @@ MAX_SLIGHT_SHIFT = 1.0
 SPACING = 0.25
 #: Fraction of an interval in which there must be antiphase motion to be compared.
 MIN_COVERED = 0.9
-#: Standard errors by which a comparison may be wrong; fractions of frequencies at which it must be right,
-#: and surely so.
+#: Standard errors by which a comparison may be wrong; fractions at which it must be right, and surely so.
 SIGMAS, MIN_RIGHT, MIN_SURE = 2.0, 0.9, 0.5
 
 Claim = Mapping[str, Any]
@@ -57,8 +55,7 @@ class Finding(NamedTuple):
     holds, score
         Whether it holds, and how close it is, from 0 to 1.
     margin, unit
-        How far what was measured is from where the verdict changes: above 0 if the claim holds, below 0 if it does not;
-        nan if it fails by something else than this number.
+        How far it is from where the verdict changes: above 0 if the claim holds; nan if it fails by something else.
     judged
         False if it does not hold for the sole reason that points at R = 1 failed.
     """

@@ -31,6 +31,14 @@ def headline(scene: Scene, summary: Mapping[str, Any]) -> str:
     return f"{name}: {'INACCURATE, ' if outcome == INACCURATE else ''}{parts}"
 
 
+def limit_text(stroke: float, transient: float, damped: bool) -> str:
+    """Say what a stroke (m) may tend to of which an estimated part is a transient; "" if that is little."""
+    if transient <= SETTLED * stroke:
+        return ""
+    limit = quantity(stroke - transient, "m", error=0.1 * transient)
+    return "most is transient" if limit == "0" else f"{'may tend to' if damped else 'steady part'} {limit}"
+
+
 def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Return what the exciters and the platform do in the measured part."""
     frequency, last = summary["excitation_frequency_hz"], summary["measured_to_s"]

@@ -14,7 +14,7 @@ from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.observe.summary import synchronization
 from vibroplat.results.answer import are_alike, counted, of_both, short_line
-from vibroplat.results.run_answer import SETTLED, phase_text, speeds_of_both, transient
+from vibroplat.results.run_answer import SETTLED, limit_text, phase_text, speeds_of_both, transient
 
 #: Rotation at the exciters' distance, over the largest stroke, above which the short print has it.
 MIN_ROTATION = 0.1
@@ -225,9 +225,9 @@ class Sheet:
         other, largest = "xy".replace(main, ""), strokes[main]
         left = dict(zip("xy", self._left, strict=True))
         rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
-        decays = _limit(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
+        decays = limit_text(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
         rows[main] = rows[main]._replace(also=decays)
-        words = [f"{other} {rows[other].now}", rows[main].peak]
+        words = [f"{other} {rows[other].now}", self._largest_stroke(main, rows)]
         rows[main] = rows[main].shortly(f"stroke {main}", decays, *(words[::-1] if decays else words))
         rms = [s["rms_x_m"], s["rms_y_m"]]
         still = NEGLIGIBLE * max(rms) / arm if arm else None
@@ -243,6 +243,14 @@ class Sheet:
             acceleration.shortly("acceleration", self._flight()) if floats else acceleration,
             self._row("throw index", "gamma").shortly("throw index", self._flight()),
         ]
+
+    def _largest_stroke(self, main: str, rows: Mapping[str, Row]) -> str:
+        """Return the larger peak of both axes, with its axis where that is not the main one."""
+        ranges = self.numbers.get("peaks_of_seeds") or {}
+        names = {axis: f"whole_stroke_{axis}_m" for axis in "xy"}
+        sizes = {axis: ranges.get(name, [self.numbers[name] or 0.0])[-1] for axis, name in names.items()}
+        top = max(main, *"xy", key=lambda axis: sizes[axis])
+        return rows[top].peak.replace("largest", "largest" if top == main else f"largest {top}", 1)
 
     def _flight(self) -> str:
         """Return the flight of the material in words."""
@@ -388,14 +396,6 @@ class Sheet:
             Row("impacts a turn", rate, f"impulse {impulse}" if impacts else ""),
             Row("contact force, largest", self._text("contact_force_max_n")),
         ]
-
-
-def _limit(stroke: float, transient: float, damped: bool) -> str:
-    """Say what a stroke (m) tends to of which so much is a transient, known to a tenth; "" if that is little."""
-    if transient <= SETTLED * stroke:
-        return ""
-    limit = quantity(stroke - transient, "m", error=0.1 * transient)
-    return "most is transient" if limit == "0" else f"{'tends to' if damped else 'steady part'} {limit}"
 
 
 def _repeats(period: int | None) -> str:

@@ -330,9 +330,12 @@ class ThresholdSearch:
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
     def _jumps(self, one: Threshold) -> bool:
-        """Whether a threshold may depend on the seed: not where an orbit changes, or a sure measure crosses a level."""
+        """Whether a threshold may depend on the seed: not where a sure measure crosses a level.
+
+        Where an orbit loses stability it may: starts may be captured long before.
+        """
         crosses = one.kind == "level-crossing" and self.plan.expression is not None
-        return not one.special and not (crosses and not has_errors(one.low, one.high, self.plan))
+        return not (crosses and not has_errors(one.low, one.high, self.plan))
 
     def _open_ends(self, zone: Zone, searched: Collection[tuple[float, bool]]) -> list[tuple[Zone, bool]]:
         """Return a zone with each of its ends, True for the upper one, beyond which no round was."""
