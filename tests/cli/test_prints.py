@@ -97,7 +97,7 @@ def test_notes_take_the_room_that_is_left():
 
 
 def test_notes_that_put_no_number_in_doubt_come_last():
-    stiff, wrong = f"{HINT}another engine is faster", "5 % of the stroke decays"
+    stiff, wrong = f"{HINT}another engine is faster", "5 % of the stroke may decay"
     assert by_severity([stiff, "an unusual mass", wrong]) == ["an unusual mass", wrong, stiff]
     assert Answer(headline="what it is", notes=[wrong, stiff]).brief()[1:] == [f"  note: {wrong}", f"  {stiff}"]
     table = pd.DataFrame({"mass": [1.0, 2.0], "notes": [stiff, f"{stiff}; {wrong}"], "motion": "x", "outcome": "ok"})
@@ -216,7 +216,7 @@ def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_on
 
 def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
     run = runs["two layers"]
-    ends = {0.14: "; 14 % of the stroke decays", 0.001: "; repeats every turn", None: "; repeats every turn"}
+    ends = {0.14: "; 14 % of the stroke may decay", 0.001: "; repeats every turn", None: "; repeats every turn"}
     for change, end in ends.items():
         assert headline(run.scene, run.summary | {"period": 1, "stroke_change": change}).endswith(end)
     assert headline(run.scene, run.summary | {"period": 0, "stroke_change": 0.14}).endswith(ends[0.14])

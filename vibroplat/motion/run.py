@@ -271,7 +271,7 @@ def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
     if largest.rate:
         longer = summary["simulated_s"] + 2.0 / largest.rate * math.log(largest.size / (0.5 * SETTLED * stroke))
         text = (
-            "is a transient that decays while it is measured, and is in the forces, too: "
+            "may be a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {percent(0.5 * SETTLED)}"
         )
     return f"{percent(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"

@@ -118,7 +118,7 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 def _period(summary: Mapping[str, Any]) -> str:
     turns, change = summary.get("period"), summary.get("stroke_change") or 0.0
     if change > SETTLED:
-        return f"; {percent(change)} of the stroke decays"
+        return f"; {percent(change)} of the stroke may decay"
     if turns == 0:
         return "; does not repeat yet"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
