@@ -112,7 +112,6 @@ BY_ROOM = [
     ]),
     # basins and thresholds
     ("basin", [
-        "min(stride, limits.most - followed.turns) → stride",
         "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
         "points[:period]).max() < SAME_ORBIT_DISTANCE → points[:period]).max() < 10.0",
         "begin = LATE_FRACTION * max_turns → begin = 0.0",
@@ -128,6 +127,7 @@ BY_ROOM = [
     ]),
     ("observe", [
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
+        "min(stride, limits.most - followed.turns) → stride",
         'synchronization(measures) != "none" and stays_synchronized( → synchronization(measures) != "none" or stays_synchronized(',
     ]),
     # continuation
