@@ -19,7 +19,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.study import cluster
 from vibroplat.study.cluster import IncompatibleWorkerError, NoWorkersError, require_scheduler
 from vibroplat.study.pool import pool, run_chains
-from vibroplat.system.interrupts import RESUMABLE
+from vibroplat.system.interrupts import RESUMABLE, offer_resume
 
 from .helpers import Calls
 
@@ -84,6 +84,7 @@ def workers(threads):
 
 
 def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
+    offer_resume(offered=False)  # as in a program, whatever commands ran before
     workers._expected = {**workers._expected, "numpy": "1.0"}
     chain = Calls((math.sqrt, (4.0,)))
     with pytest.raises(IncompatibleWorkerError) as caught:
