@@ -84,7 +84,7 @@ def workers(threads):
 
 
 def test_worker_with_another_fingerprint_gives_no_result(workers, threads):
-    offer_resume(offered=False)  # as in a program, whatever commands ran before
+    offer_resume(None)  # as in a program, whatever commands ran before
     workers._expected = {**workers._expected, "numpy": "1.0"}
     chain = Calls((math.sqrt, (4.0,)))
     with pytest.raises(IncompatibleWorkerError) as caught:

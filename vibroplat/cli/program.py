@@ -77,7 +77,7 @@ def main() -> None:
         sys.exit(_complain(str(error), error.exit_code))
     except (MemoryError, ImportError, RuntimeError, OSError) as error:
         if is_short_of_memory(error):
-            sys.exit(_complain(f"not enough memory; {records_kept()}", 1))
+            sys.exit(_complain(f"not enough memory{records_kept()}", 1))
         if not isinstance(error, OSError):
             raise
         sys.exit(_complain(_reason(error), 1))
@@ -96,7 +96,7 @@ def _reason(error: OSError) -> str:
     if error.errno in OUTPUT and not error.filename:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the rest of the output has nowhere to go
         return f"standard output cannot be written: {what}"
-    return f"{f'{error.filename}: ' if error.filename else ''}{what}; {records_kept()}"
+    return f"{f'{error.filename}: ' if error.filename else ''}{what}{records_kept()}"
 
 
 def _complain(text: str, code: int) -> int:

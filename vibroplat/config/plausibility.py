@@ -27,9 +27,9 @@ UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 #: Least number of a slip of units that is written by a power of ten.
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
-SMALL_DAMPING, LEFT = 0.005, 0.01
+MIN_DAMPING_RATIO, MAX_REMAINDER = 0.005, 0.01
 #: Least samples of a turn in a trajectory.
-SAMPLES = 20.0
+MIN_SAMPLES_PER_TURN = 20.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
@@ -220,11 +220,11 @@ def _weakly_damped(scene: Scene) -> str:
     weak, enough, decay = [], [], 0.0
     for (axis, _, key), (mass, damping, stiffness) in zip(_AXES, scene.oscillators.T.tolist(), strict=True):
         critical = 2.0 * math.sqrt(stiffness * mass)
-        if damping < SMALL_DAMPING * critical and not (axis == "y" and scene.has_contact):
+        if damping < MIN_DAMPING_RATIO * critical and not (axis == "y" and scene.has_contact):
             weak.append(f"machine.{key} = {given(getattr(scene.machine, key))}")
             enough.append(number(0.01 * critical))
             decay = max(decay, 2.0 * mass / damping if damping else math.inf)
-    shortest = 2.0 * decay * math.log(1.0 / LEFT)
+    shortest = 2.0 * decay * math.log(1.0 / MAX_REMAINDER)
     if shortest <= scene.run.duration_s:
         return ""
     contains = "never decay, so every run contains"
@@ -241,7 +241,7 @@ def _coarse(scene: Scene) -> str:
     """Return the note on a trajectory with few samples of each turn, or an empty text."""
     rate = scene.output.sample_rate_hz
     each = 2.0 * math.pi * rate / scene.speed_scale
-    if each >= SAMPLES:
+    if each >= MIN_SAMPLES_PER_TURN:
         return ""
     return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples a turn miss the largest values"
 

@@ -180,11 +180,11 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(variations[0].derivative(motion.automaton), scene, keys)
-    summary, left, free = _summary(motion, part, start.time)
+    summary, left, unsteady = _summary(motion, part, start.time)
     return RunResult(
         scene=scene,
         summary=summary,
-        remarks=partial(_notes, scene, summary, left, free, recorder.note),
+        remarks=partial(_notes, scene, summary, left, unsteady, recorder.note),
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,
@@ -198,7 +198,7 @@ def _run(
 def _summary(
     motion: Simulator, part: MeasuredInterval, start: float
 ) -> tuple[dict[str, Any], Sequence[Transient], str]:
-    """Summarize a finished run that began at a time (s), with transients along x and y, and the note on a swing."""
+    """Return the summary of a run that began at a time (s), transients along x and y, and the note on free exciters."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - start
     repeats = latest_period(section_points(part.measures, scene))
     measures = measure(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
@@ -207,12 +207,12 @@ def _summary(
     locked = synchronization(measures) != "none" and stays_synchronized(part.measures, scene)
     since, until = measures["measured_from_s"], measures["measured_to_s"]
     changed = scene.drive.last_change(until)
-    left, free = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures), start)
-    free = free or unfinished_stop(scene, measures, motion.state)
-    if changed <= since and any(scene.driven(since, until)) and not free:
+    left, unsteady = [Transient(0.0, 0.0)] * 2, free_swing(scene, measures, section_rows(part.measures), start)
+    unsteady = unsteady or unfinished_stop(scene, measures, motion.state)
+    if changed <= since and any(scene.driven(since, until)) and not unsteady:
         left = transients(part.measures, scene, max(start, changed), repeats)
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
-    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not free else None
+    moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not unsteady else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
     return (
         {
@@ -239,16 +239,18 @@ def _summary(
             **whole,
         },
         left,
-        free,
+        unsteady,
     )
 
 
-def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], free: str, recorded: str) -> list[str]:
+def _notes(
+    scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], unsteady: str, recorded: str
+) -> list[str]:
     """Return the notes on a run with these transients along x and y; that of its recorder comes last."""
     begin, seconds = summary["begins_s"], summary["simulated_s"]
     notes = (
         *notes_on_measures(scene, summary),
-        free,
+        unsteady,
         _settling(left, summary),
         _unbalanced(scene, summary),
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",

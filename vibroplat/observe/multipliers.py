@@ -1,4 +1,4 @@
-"""Stability of periodic orbits by their Floquet multipliers: test functions, counts, which can be followed."""
+"""Stability of periodic orbits by their Floquet multipliers: test functions, counts, order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import compiled, inlined
 
-#: Imaginary part up to which a multiplier is real, but for round-off; magnitudes are compared to so many parts of 1.
+#: Imaginary part up to which a multiplier is real, but for round-off; magnitudes are equal within 1 / PARTS.
 MAX_IMAGINARY, PARTS = 1e-9, 1e12
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
 UNIT_CIRCLE_DISTANCE = 1e-6

@@ -41,10 +41,10 @@ SYMMETRIC, DISTURBANCE = 1e-3, 0.01
 #: How many exciters there are.
 EXCITERS = 2
 #: Fraction of the contact from which on shear inside is told.
-SHEARED = 0.05
+MIN_SHEARED_FRACTION = 0.05
 #: Relative difference of speeds up to which exciters turn together; range of angles of a swing (rad) from which on it
 #: is told, and least whole turns in which it is seen.
-FREE, SWINGS, ROWS = 1e-3, 0.02, 8
+EQUAL_SPEEDS, MIN_SWING_RAD, MIN_ROWS = 1e-3, 0.02, 8
 
 
 def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
@@ -58,7 +58,7 @@ def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
 
 def shear(fraction: float | None) -> str:
     """Return the note on layers that would slip on each other in a fraction of their contact, or an empty text."""
-    if fraction is None or fraction <= SHEARED:
+    if fraction is None or fraction <= MIN_SHEARED_FRACTION:
         return ""
     return (
         f"in {percent(fraction)} of the contact shear between the layers is above {given(INTERNAL_FRICTION)} of their "
@@ -173,9 +173,9 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
     """
     begin, end, split = (measures[name] for name in ("measured_from_s", "measured_to_s", "frequency_split_hz"))
     mean, driven = measures["excitation_frequency_hz"], scene.driven(begin, end)
-    if not mean or driven.count(True) != 1 or abs(split) <= FREE * mean:
+    if not mean or driven.count(True) != 1 or abs(split) <= EQUAL_SPEEDS * mean:
         return ""
-    if not driven[0] or len(rows) < ROWS:
+    if not driven[0] or len(rows) < MIN_ROWS:
         return f"exciter {driven.index(False) + 1} is off: whether it still swings, a run twice as long shows"
     half = len(rows) // 2
     angles, times = rows["state"][:, COORDINATES.index("phi2_rad")], rows["t"]
@@ -183,11 +183,11 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
     rate = math.log(first / last) / float(times[half] - times[0]) if first > last > 0.0 else 0.0
     # the last turns are kept, and the measured part may have begun long before
     size = first * math.exp(min(rate * float(times[0] - begin), 50.0))
-    if size <= SWINGS:
+    if size <= MIN_SWING_RAD:
         return ""
     if size > 2.0 * math.pi or not rate:
         return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
-    seconds = 2.0 * (end - begins + max(math.log(last / (0.5 * SWINGS)), 0.0) / rate)
+    seconds = 2.0 * (end - begins + max(math.log(last / (0.5 * MIN_SWING_RAD)), 0.0) / rate)
     return (
         f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: not steady before about "
         f"run.duration_s = {given(float(f'{seconds:.2g}'))}"
@@ -196,12 +196,14 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
 
 def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray) -> str:
     """Return the note on exciters that still turn in the last state of a run without drive, or an empty text."""
+    if any(scene.driven(measures["measured_from_s"], measures["measured_to_s"])):
+        return ""
     inertia, _, stiffness = scene.oscillators
     springs = stiffness > 0.0
     slowest = math.sqrt(float(np.min(stiffness[springs] / inertia[springs]))) if springs.any() else 0.0
     places = [len(COORDINATES) + RATES.index(f"phi{n}_rate_rad_per_s") for n in (1, 2)]
     fastest = float(np.max(np.abs(state[places])))
-    if any(scene.driven(measures["measured_from_s"], measures["measured_to_s"])) or fastest <= 0.5 * slowest:
+    if fastest <= 0.5 * slowest:
         return ""
     return (
         f"exciters, off, still turn or swing at up to {quantity(fastest / (2.0 * math.pi), 'Hz')}: larger values may "

@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from vibroplat.errors import ConfigError, VibroplatError
-from vibroplat.system.interrupts import RESUMABLE, records_kept
+from vibroplat.system.interrupts import records_kept
 
 #: Seconds without a worker after which the user is told what is waited for, and after which it is given up.
 NOTICE_S, MAX_WAIT_S = 5.0, 60.0
@@ -32,12 +32,6 @@ _LOG = logging.getLogger("vibroplat")
 _SILENCED = ("distributed", "tornado", "asyncio")
 #: States of a client that may go on.
 _ALIVE = ("running", "connecting")
-
-
-def _records_kept() -> str:
-    """Say what remains of work that is given up; a program in Python keeps nothing."""
-    kept = records_kept()
-    return f"; {kept}" if kept == RESUMABLE else ""
 
 
 class WorkerLostError(VibroplatError):
@@ -58,7 +52,7 @@ class IncompatibleWorkerError(VibroplatError):
     exit_code = 1
 
     def __init__(self, difference: str) -> None:
-        super().__init__(f"worker {difference}; all workers need the versions of this process{_records_kept()}")
+        super().__init__(f"worker {difference}; all workers need the versions of this process{records_kept()}")
 
 
 class _Call:
@@ -187,13 +181,13 @@ class Cluster:
         missing = f"{'an answer' if workers is None else 'a worker'} of the scheduler at {self._address}"
         self._since = now if self._since is None else self._since
         if now - self._since >= MAX_WAIT_S:
-            raise NoWorkersError(f"waited {MAX_WAIT_S:g} s for {missing}{_records_kept()}")
+            raise NoWorkersError(f"waited {MAX_WAIT_S:g} s for {missing}{records_kept()}")
         if now - self._since >= NOTICE_S and not self._notified and self._client.status == "running":
             _LOG.warning("waiting for %s, up to %g s", missing, MAX_WAIT_S)
             self._notified = True
 
     def _gone(self) -> NoWorkersError:
-        return NoWorkersError(f"the scheduler at {self._address} is gone{_records_kept()}")
+        return NoWorkersError(f"the scheduler at {self._address} is gone{records_kept()}")
 
     def close(self) -> None:
         """Leave the cluster; a scheduler that does not answer is left silently."""

@@ -37,32 +37,35 @@ class _Ending:
     open = 0
     #: Contexts that look for requests themselves.
     watching = 0
-    #: Whether the command has an option ``--resume``.
-    resumable = False
+    #: Whether the command has an option ``--resume``; None in a program, which has no command.
+    resumable: bool | None = None
     #: The signal that came, and when.
     signal: int | None = None
     since = 0.0
 
 
 def end_at_signals() -> None:
-    """End this program at Ctrl-C and at SIGTERM.
+    """End this program, which is a command, at Ctrl-C and at SIGTERM.
 
     A signal that was ignored from the start stays ignored: a shell without job control starts commands with ``&``
     that way, and a Ctrl-C meant for the foreground must not end them.
     """
+    _Ending.resumable = bool(_Ending.resumable)
     for number in _WORDS:
         if signal.getsignal(number) not in (None, signal.SIG_IGN):
             signal.signal(number, _end)
 
 
-def offer_resume(offered: bool) -> None:
-    """Say whether the command has an option ``--resume``; messages promise it only then."""
+def offer_resume(offered: bool | None) -> None:
+    """Say whether the command has an option ``--resume``, None without a command; messages promise it only then."""
     _Ending.resumable = offered
 
 
 def records_kept() -> str:
-    """Say what remains of a command that was stopped; a program in Python offers no ``--resume``."""
-    return RESUMABLE if _Ending.resumable else KEPT
+    """Say, after a semicolon, what remains of a command that was stopped; nothing of a program."""
+    if _Ending.resumable is None:
+        return ""
+    return f"; {RESUMABLE if _Ending.resumable else KEPT}"
 
 
 def _end(number: int, _frame: object) -> None:
@@ -72,7 +75,7 @@ def _end(number: int, _frame: object) -> None:
         return
     _Ending.signal, _Ending.since = number, time.monotonic()
     show_cursor = "\r\x1b[K\x1b[?25h" if os.isatty(2) else ""  # a progress bar may have hidden it
-    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}; {records_kept()}\n".encode())
+    os.write(2, f"{show_cursor}vibroplat: {_WORDS[signal.Signals(number)]}{records_kept()}\n".encode())
     if not _Ending.watching:
         stop_if_asked()
 

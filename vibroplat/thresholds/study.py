@@ -301,8 +301,8 @@ class ThresholdStudy(Study):
         slow, expressed = sum(value.hangs for value in good), f"{plan.expression} is " if plan.expression else ""
         if slow and not expressed:
             lines.append(_slow(f"{slow} of {len(good)} starts"))
-        told = f"{expressed}{self._outcome(good[0])} in all {counted(len(good), 'start')}"
-        return f"no threshold: {told} {key_range}", lines
+        text = f"{expressed}{self._outcome(good[0])} in all {counted(len(good), 'start')}"
+        return f"no threshold: {text} {key_range}", lines
 
     def _notes(self, every: Sequence[ScanPoint], zones: Sequence[Zone]) -> Iterator[str]:
         for zone in zones:
