@@ -38,6 +38,13 @@ def test_constant_supply_is_one_interval_without_a_beginning():
     assert interval.driven == (True, True)
 
 
+def test_a_changed_supply_has_its_own_intervals():
+    first = drive((0.0, 20.0), (2.0, 30.0))
+    assert first.intervals is first.intervals
+    second = first.model_copy(update={"program": first.program[:1]})
+    assert (len(first.intervals), len(second.intervals)) == (2, 1)
+
+
 def test_frequency_is_linear_between_entries_and_stays_after_the_last():
     example = drive((1.0, 20.0), (3.0, 50.0), (8.0, 45.0))
     for time, frequency in ((1.0, 20.0), (2.0, 35.0), (3.0, 50.0), (4.0, 49.0), (8.0, 45.0), (1e6, 45.0)):

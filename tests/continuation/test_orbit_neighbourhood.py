@@ -44,6 +44,16 @@ def test_a_long_step_leads_to_the_orbit_that_settling_finds(local):
     assert there.measures["stability_margin"] == pytest.approx(1.0 - abs(settled.multipliers[0]), rel=1e-4)
 
 
+def test_a_few_measures_are_those_of_all(local):
+    """Without the data sheet, which is not made."""
+    there = local.correct(local.values * 1.01)
+    few = there.measured(["rms_y_m", "gap_max_m", "stability_margin"])
+    assert "gamma" not in few
+    assert "measures" not in vars(there)
+    assert few == few | {name: value for name, value in there.measures.items() if name in few}
+    assert there.measured(["gamma"]) is there.measures
+
+
 def test_an_orbit_that_ends_is_lost(local):
     """The motors cannot follow so low a torque; the scene that was left is as before."""
     with (

@@ -68,8 +68,8 @@ BY_ROOM = [
     # what is observed
     ("observe motion", [
         '0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]) → float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])',
-        'result["excitation_frequency_hz"] = 0.5 * (first + second) → result["excitation_frequency_hz"] = first',
-        'result["frequency_split_hz"] = first - second → result["frequency_split_hz"] = second - first',
+        '  "excitation_frequency_hz": 0.5 * (first + second) →   "excitation_frequency_hz": first',
+        '"frequency_split_hz": first - second, → "frequency_split_hz": second - first,',
         "mean[square] - mean[first] ** 2 → mean[square] + mean[first] ** 2",
         "gravity = before.gravity - after.gravity → gravity = after.gravity - before.gravity",
         'max(0.0, -float(whole["least"][FORCE])) → max(0.0, -float(late["least"][FORCE]))',

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
@@ -148,7 +149,13 @@ class Drive(Section):
             return self.supply_frequency_hz
         return max(entry.supply_frequency_hz or 0.0 for entry in self.program)
 
-    @property
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Copy the supply, with some values changed; its intervals are found anew."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.__dict__.pop("intervals", None)
+        return copied
+
+    @cached_property
     def intervals(self) -> tuple[SupplyInterval, ...]:
         """The intervals between corners of the program in order of time; a constant supply has one."""
         if self.program is None:

@@ -30,14 +30,17 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import flat, value_of, with_values
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.data_sheet import columns
+from vibroplat.observe.summary import LARGEST, STATISTICS
 from vibroplat.observe.variation import Variation
+from vibroplat.study.point import ANTIPHASE_OF_ORBITS, shown_statistics
 
 #: Minimum part of a step into which it is divided.
 MIN_STEP_PART = 1.0 / 64.0
 #: How far an orbit may be from its prediction, over the predicted change, or in scaled units: farther away
 #: it is another one.
 MAX_PREDICTION_ERROR, MAX_DISTANCE = 0.5, 0.02
+#: Measures that take neither the data sheet nor the audit.
+_STATISTICS = frozenset((*STATISTICS, *LARGEST, "stability_margin"))
 #: Iterations of Newton's method.
 MAX_ITERATIONS = 12
 
@@ -135,6 +138,14 @@ class OrbitNeighbourhood:
     def measures(self) -> dict[str, Any]:
         """Measures of a sweep over the period, and ``margin``."""
         return measures_of(self.problem, self.orbit.shot, self.scene) | {"stability_margin": self.margin}
+
+    def measured(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the measures of these names at least, and the synchronization; a few take less time than all."""
+        if not _STATISTICS.issuperset(names):
+            return self.measures
+        measures = measure_period(self.problem, self.orbit.shot, self.scene, brief=True)
+        shown = shown_statistics(measures, self.scene, ANTIPHASE_OF_ORBITS)
+        return measures | shown | {"stability_margin": self.margin}
 
     @cached_property
     def tangents(self) -> FloatArray:
@@ -237,11 +248,6 @@ class OrbitNeighbourhood:
         slope = np.outer(np.linalg.inv(right)[k], right[:, k]) * (values[k].conj() / (abs(values[k]) or 1.0))
         return np.asarray(slope.real)
 
-    @cached_property
-    def _sheet(self) -> set[str]:
-        """Measures that take the data sheet or the audit."""
-        return {"energy_residual", *columns(self.problem.shooter.scene)}
-
     def _measure(self, near: _NearScene, u: FloatArray, names: Sequence[str]) -> FloatArray:
         """Measure a period from unknowns on this section in a scene beside this one; the margin but for a constant."""
         shooter, chart, margin = self.problem.shooter, self.orbit.chart, "stability_margin" in names
@@ -250,7 +256,7 @@ class OrbitNeighbourhood:
         shot = shooter.shot(state, seconds, full=margin, measured=True, events=False)
         if shot.outcome != "ok":
             raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
-        measures = measure_period(self.problem, shot, near.scene, brief=self._sheet.isdisjoint(names))
+        measures = measure_period(self.problem, shot, near.scene, brief=_STATISTICS.issuperset(names))
         if margin:
             measures["stability_margin"] = -float((self._weights * chart.section_map(shot)).sum())
         return np.array([measures[name] for name in names], float)

@@ -90,6 +90,10 @@ class MotionNeighbourhood:
     def close(self) -> None:
         """Do nothing: no engine is held."""
 
+    def measured(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the measures of these names at least, and the regime."""
+        return self.measures
+
     def prepare(self) -> None:
         """Do nothing: other motions are not predicted from this one."""
 

@@ -24,7 +24,7 @@ from vibroplat.study.point import measure_point
 from vibroplat.study.store import Record
 
 #: Samples in a task.
-SAMPLES_PER_TASK = 50
+SAMPLES_PER_TASK = 100
 #: Quantiles that are printed.
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -71,11 +71,11 @@ def measure_samples(
             state = local.state
             try:
                 there = local.correct(values)
-                row["stability_margin"], state = there.measures.get("stability_margin"), there.state
+                measures, state = there.measured(names), there.state
+                row["stability_margin"] = measures.get("stability_margin")
             except NoConvergenceError:
                 there = None
             if there is not None and there.margin > 0.0:
-                measures = there.measures
                 row |= {"stable": True, "regime": name_regime({**known, **measures})}
             else:
                 with errors_about("design.parameter_tolerances"):  # which may be impossible together

@@ -52,6 +52,7 @@ _AXES = (
     ("force_y", PULL_Y, "force_y", "n"),
     ("moment", MOMENT, "moment", "n_m"),
 )
+_FOUNDATION_RMS = [(f"foundation_{name}_rms_{unit}", key, f"{key}_{key}") for name, _, key, unit in _AXES]
 _SUSPENSION = "springs and dampers; impulses of impacts act only through these"
 
 
@@ -205,6 +206,11 @@ def means(ms: Accumulators) -> dict[str, float]:
     return mean
 
 
+def rms_about_mean(mean: Mapping[str, float], first: str, square: str) -> float:
+    """RMS about its mean of what has a mean and a mean square of these names; see :data:`SUMS`."""
+    return math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
+
+
 def steady_supply(scene: Scene, begin: float, end: float) -> SupplyInterval | None:
     """Return the supply between two times (s), None if it changes in between."""
     return None if scene.drive.last_change(end) > begin else scene.drive.at(begin)
@@ -219,16 +225,16 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
     sheet: dict[str, float | None] = dict.fromkeys(columns(scene))
     if not mean:
         return sheet
-    for name, _, key, unit in _AXES:
-        sheet[f"foundation_{name}_rms_{unit}"] = math.sqrt(max(mean[f"{key}_{key}"] - mean[key] ** 2, 0.0))
+    for name, key, square in _FOUNDATION_RMS:
+        sheet[name] = rms_about_mean(mean, key, square)
     sheet["foundation_force_y_mean_n"] = mean["force_y"]
     window = float(ms.marks["window"]), float(ms.marks["until"])
     supply, driven = steady_supply(scene, *window), scene.driven(*window)
     speeds = None if supply is None else scene.synchronous_speeds_at(supply.frequency)
     for i, exciter in enumerate(scene.exciter_pair):
-        n, critical = i + 1, exciter.critical_torque_n_m
-        sheet[f"motor_power_{n}_mean_w"], sheet[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], mean[f"torque_{n}"]
-        sheet[f"torque_ratio_{n}"] = mean[f"torque_{n}"] / critical if critical > 0.0 else None
+        n, critical, torque = i + 1, exciter.critical_torque_n_m, mean[f"torque_{i + 1}"]
+        sheet[f"motor_power_{n}_mean_w"], sheet[f"motor_torque_{n}_mean_n_m"] = mean[f"power_{n}"], torque
+        sheet[f"torque_ratio_{n}"] = torque / critical if critical > 0.0 else None
         if speeds is not None and driven[i]:
             sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = float(extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i])
@@ -293,7 +299,7 @@ def _columns_of_extremes(
         height = POINTS + 2 * points.index(name) + 1
         columns[f"spring_force_amplitude_{name}_n"] = Extreme(height, 0.5 * stiffness, difference=True)
         columns[f"spring_force_max_{name}_n"] = Extreme(height, stiffness)
-    return columns
+    return {name: extreme._replace(quantity=int(extreme.quantity)) for name, extreme in columns.items()}
 
 
 def _largest(extremes: Any, columns: Mapping[str, Extreme]) -> dict[str, float | None]:
@@ -301,7 +307,8 @@ def _largest(extremes: Any, columns: Mapping[str, Extreme]) -> dict[str, float |
     least, largest = extremes["least"].tolist(), extremes["largest"].tolist()
     values: dict[str, float | None] = {}
     for name, (k, factor, difference, squared) in columns.items():
-        size = largest[k] - least[k] if difference else abs(max(largest[k], -least[k]))
+        high, low = largest[k], least[k]
+        size = high - low if difference else abs(max(high, -low))
         value = factor * (size * size if squared else size)
         values[name] = value if math.isfinite(value) else None
     return values

@@ -234,14 +234,14 @@ def slow_motors(scene: Scene, measures: Mapping[str, Any]) -> list[SlowMotor]:
     supply = steady_supply(scene, begin, end)
     if supply is None or mean is None:
         return []
-    found, on, turned = [], scene.driven(begin, end), measures["impacts_per_period"] is not None
+    found, turned = [], measures["impacts_per_period"] is not None
+    speeds = scene.synchronous_speeds_at(supply.frequency)
     for i, exciter in enumerate(scene.exciter_pair):
-        speed = mean + (0.5 - i) * split
-        synchronous = scene.synchronous_speeds_at(supply.frequency)[i] / (2.0 * math.pi)
+        speed, synchronous = mean + (0.5 - i) * split, speeds[i] / (2.0 * math.pi)
         critical = exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi)
         highest = speed if turned else 2.0 / (end - begin)
         slips = synchronous - highest > CAPTURED * critical and (turned or speed * (end - begin) < 1.0)
-        if on[i] and synchronous > 0.0 and slips:
+        if slips and synchronous > 0.0 and scene.driven(begin, end)[i]:
             found.append(SlowMotor(i + 1, speed, synchronous))
     return found
 

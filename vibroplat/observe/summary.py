@@ -20,7 +20,7 @@ from vibroplat.model.sliding import sliding_energies
 from vibroplat.model.springs import DAMPERS
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.conveying import turn_speeds
-from vibroplat.observe.data_sheet import data_sheet, means
+from vibroplat.observe.data_sheet import data_sheet, means, rms_about_mean
 from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
 from vibroplat.observe.measures import (
     N_POWERS,
@@ -161,40 +161,46 @@ class MeasuredInterval(NamedTuple):
     blocks: Sequence[Accumulators] = ()
 
 
+#: What :func:`statistics` finds, and :func:`largest_values`.
+STATISTICS = (
+    *("rms_x_m", "rms_y_m", "rms_phi_rad", "amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz"),
+    *("impacts_per_period", "phase_difference_rad", "phase_coherence", "flight_fraction", "motor_power_w"),
+    "measured_s",
+)
+LARGEST = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s")
+_PLACES_OF_LARGEST = np.array([FORCE, OPENING, IMPULSE])
+
+
 def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
     """RMS about the mean, amplitude, frequencies, phase of the measured part with its extremes; None if too short."""
     require(ms, SUMMED)
     marks, mean, turned = ms.marks, means(ms), ms.whole[TIME] > 0.0
-    names = ("rms_x_m", "rms_y_m", "rms_phi_rad")
     if not mean:
-        others = ("amplitude_y_m", "excitation_frequency_hz", "frequency_split_hz", "phase_difference_rad")
-        return dict.fromkeys(
-            (*names, *others, "phase_coherence", "flight_fraction", "motor_power_w", "impacts_per_period", "measured_s")
-        )
-    result: dict[str, float | None] = {
-        name: math.sqrt(max(mean[square] - mean[first] ** 2, 0.0))
-        for name, first, square in zip(names, ("x", "y", "phi"), ("xx", "yy", "phi_phi"), strict=True)
-    }
-    result["amplitude_y_m"] = 0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])
+        return dict.fromkeys(STATISTICS)
     # without a whole turn: of exciters that swing or stand still
     passed = (marks["last"] - marks["first"]).tolist()
     seconds, one, two = passed[:3] if turned else (1.0, mean["speed_1"], mean["speed_2"])
-    first, second = (abs(angle) / (2.0 * math.pi * seconds) for angle in (one, two))
-    result["excitation_frequency_hz"] = 0.5 * (first + second)
-    result["frequency_split_hz"] = first - second
-    result["impacts_per_period"] = passed[3 + IMPACT] / (int(marks["turns"]) - 1.0) if turned else None
-    result["phase_difference_rad"] = wrap_angle(math.atan2(mean["sine"], mean["cosine"]))
-    result["phase_coherence"] = math.hypot(mean["sine"], mean["cosine"])
-    result["flight_fraction"] = mean["flying"]
-    result["motor_power_w"] = mean["power_1"] + mean["power_2"]
-    result["measured_s"] = mean["time"]
-    return result
+    first, second = abs(one) / (2.0 * math.pi * seconds), abs(two) / (2.0 * math.pi * seconds)
+    return {
+        "rms_x_m": rms_about_mean(mean, "x", "xx"),
+        "rms_y_m": rms_about_mean(mean, "y", "yy"),
+        "rms_phi_rad": rms_about_mean(mean, "phi", "phi_phi"),
+        "amplitude_y_m": 0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]),
+        "excitation_frequency_hz": 0.5 * (first + second),
+        "frequency_split_hz": first - second,
+        "impacts_per_period": passed[3 + IMPACT] / (int(marks["turns"]) - 1.0) if turned else None,
+        "phase_difference_rad": wrap_angle(math.atan2(mean["sine"], mean["cosine"])),
+        "phase_coherence": math.hypot(mean["sine"], mean["cosine"]),
+        "flight_fraction": mean["flying"],
+        "motor_power_w": mean["power_1"] + mean["power_2"],
+        "measured_s": mean["time"],
+    }
 
 
 #: Maximum correlation of neighbouring blocks that is used; 24 blocks cannot resolve a larger one.
 MAX_CORRELATION = 0.9
 #: Measures that are the largest of their values in blocks.
-MAXIMA = ("amplitude_y_m", "contact_force_max_n", "gap_max_m", "impulse_max_n_s")
+MAXIMA = ("amplitude_y_m", *LARGEST)
 #: Measures that follow from how many impacts are counted before they are summed up as chatter. In chaotic motion at
 #: 62.5 Hz with restitution 0.3 impacts_per_period is 0.56 at tolerance 1e-4 and 0.73 at 1e-9, each with a scatter of
 #: blocks of 0.02 … 0.05.
@@ -252,15 +258,17 @@ def batch_means_error(values: FloatArray) -> float:
 
 def largest_values(extremes: Any) -> dict[str, float | None]:
     """Largest contact force, gap and impulse; −inf where there is none."""
-    names, largest = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s"), extremes["largest"]
-    values = largest[FORCE], largest[OPENING], largest[IMPULSE]
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
+    return dict(zip(LARGEST, extremes["largest"][_PLACES_OF_LARGEST].tolist(), strict=True))
 
 
 def wrap_angle(angle: float, near: float = 1e-12) -> float:
     """Wrap an angle to (−π, π]; an angle within ``near`` of −π becomes π."""
     return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
 
+
+#: Counts of events, as :data:`vibroplat.hybrid.modes.KINDS`: a corner of the drive is no event of the motion.
+_COUNTS = ("liftoffs", "impacts", "chatters")
+_MEASURED_COUNTS = tuple(f"measured_{kind}" for kind in _COUNTS)
 
 #: Extremes of a measured part, and its statistics with the largest values.
 Known = tuple[Any, dict[str, float | None]]
@@ -288,8 +296,7 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known:
     marks, whole = part.measures.marks, merge_extremes(part.measures.extremes)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
-    kinds = ("liftoffs", "impacts", "chatters")  # as KINDS; a corner of the drive is no event of the motion
-    counts = dict(zip(kinds, marks["counts"].tolist(), strict=False))
+    counts = dict(zip(_COUNTS, marks["counts"].tolist(), strict=False))
     numbers = {
         **shown,
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
@@ -301,7 +308,7 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known:
         "impulse_sum_n_s": float(marks["impulse_sum"]),
         **counts,
         "events": sum(counts.values()),
-        **dict(zip((f"measured_{kind}" for kind in kinds), map(int, events), strict=False)),
+        **dict(zip(_MEASURED_COUNTS, map(int, events.tolist()), strict=False)),
         "measured_turns": max(int(marks["turns"]) - 1, 0),
         **audit(part.measures, part.before, part.after),
         **data_sheet(part.measures, extremes, scene),
@@ -315,6 +322,10 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known:
 
 def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in numbers.items()}
+
+
+#: Columns of the work of :data:`vibroplat.model.energy.POWERS`.
+_WORKS = tuple(f"{name}_work_j" for name in POWERS)
 
 
 def audit(ms: Accumulators, before: Energies, after: Energies) -> dict[str, float]:
@@ -333,11 +344,13 @@ def audit(ms: Accumulators, before: Energies, after: Energies) -> dict[str, floa
     gravity = before.gravity - after.gravity
     kinetic, elastic = after.kinetic - before.kinetic, after.elastic - before.elastic
     left = fed + gravity - taken - loss - kinetic - elastic
-    scale = max(float(ms.marks["exchanged"]) + loss, *(e.kinetic + e.elastic for e in (before, after)))
+    ends = before.kinetic + before.elastic, after.kinetic + after.elastic
+    scale = max(float(ms.marks["exchanged"]) + loss, *ends)
     lost = float(ms.work[VERTICAL]) - (after.momentum - before.momentum)
-    sizes = (size for e in (before, after) for size in (abs(e.momentum), e.unbalances))
+    sizes = abs(before.momentum), before.unbalances, abs(after.momentum), after.unbalances
     momentum = max(float(ms.work[FORCE_SIZE]), *sizes)
-    return {f"{name}_work_j": float(w) for name, w in zip(POWERS, ms.work[:N_POWERS], strict=True)} | {
+    return {
+        **dict(zip(_WORKS, ms.work.tolist(), strict=False)),
         "gravity_work_j": gravity,
         "impact_loss_j": loss,
         "kinetic_change_j": kinetic,

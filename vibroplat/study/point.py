@@ -365,16 +365,26 @@ def row_of(
     is no farther than ``near`` from −π (rad) is π. Without a ``period`` (0) material may run away, and has no speed.
     """
     row: dict[str, Any] = {name: measures[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
-    if scene.has_contact and row["gap_max_m"] is None:
-        row["gap_max_m"] = 0.0  # it never flew
-    if row["phase_difference_rad"] is not None:
-        error = errors.get(ERRORS["phase_difference_rad"]) or 0.0
-        row["phase_difference_rad"] = wrap_angle(row["phase_difference_rad"], max(near, 2.0 * error))
+    row |= shown_statistics(measures, scene, max(near, 2.0 * (errors.get(ERRORS["phase_difference_rad"]) or 0.0)))
     if scene.transport is not None and scene.transport.runs_away and period == 0:
         row |= dict.fromkeys(OF_SPEED)
     row["notes"] = "; ".join(notes_on_measures(scene, measures))
-    row["sync"] = "none" if abs(slip) > MAX_DRIFT else synchronization(measures)
+    if abs(slip) > MAX_DRIFT:
+        row["sync"] = "none"
     return row
+
+
+def shown_statistics(measures: Mapping[str, Any], scene: Scene, near: float) -> dict[str, Any]:
+    """Return the statistics that tables show in another way than they were found, and the synchronization.
+
+    The gap of material that never flew is 0; what is no farther than ``near`` from −π (rad) is π.
+    """
+    gap, phase = measures["gap_max_m"], measures["phase_difference_rad"]
+    return {
+        "gap_max_m": 0.0 if gap is None and scene.has_contact else gap,
+        "phase_difference_rad": None if phase is None else wrap_angle(phase, near),
+        "sync": synchronization(measures),
+    }
 
 
 def columns_of(kind: MotionClass) -> dict[str, Any]:
