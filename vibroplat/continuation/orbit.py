@@ -444,6 +444,4 @@ def measure_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = 
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])
-    measures = measure(shot.part, scene, brief=brief, known=shot.known)
-    measures.update(speeds, impacts_per_period=impacts)
-    return measures
+    return measure(shot.part, scene, brief=brief, known=shot.known) | speeds | {"impacts_per_period": impacts}

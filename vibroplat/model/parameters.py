@@ -132,7 +132,8 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
         values["deck_height"] = transport.deck_height_m
         values["kinetic_friction"], values["static_friction"] = transport.friction, transport.largest_friction
         values["material_mass"], values["material_share"] = scene.material_mass, 1.0 / scene.material_mass
-    p.base[0] = tuple(values.get(name, 0.0) for name in _NAMES)  # all at once: field by field takes far longer
+    # all at once: field by field takes far longer
+    p: Parameters = np.array([tuple(values.get(name, 0.0) for name in _NAMES)], _RECORD)[0]
     for i, (x, y) in enumerate(scene.named_points.values()):
         p["point_x"][i], p["point_y"][i] = x, y
     return p
@@ -155,11 +156,7 @@ def _supplied(scene: Scene, interval: SupplyInterval) -> dict[str, Any]:
         "since": interval.start if math.isfinite(interval.start) else 0.0,
         "speed": scene.synchronous_speeds_at(interval.frequency),
         "speed_ramp": scene.synchronous_speeds_at(interval.ramp),
-        "torque": [
-            exciter.critical_torque_n_m if on else 0.0 for exciter, on in zip(exciters, interval.driven, strict=True)
-        ],
-        "slip_speed": [exciter.critical_slip_speed(frequency) for exciter in exciters],
-        "slip_ramp": [
-            exciter.critical_slip_speed(ramp) if exciter.rated_frequency_hz is None else 0.0 for exciter in exciters
-        ],
+        "torque": [e.critical_torque_n_m if on else 0.0 for e, on in zip(exciters, interval.driven, strict=True)],
+        "slip_speed": [e.critical_slip_speed(frequency) for e in exciters],
+        "slip_ramp": [e.critical_slip_speed(ramp) if e.rated_frequency_hz is None else 0.0 for e in exciters],
     }

@@ -235,9 +235,9 @@ def slow_motors(scene: Scene, measures: Mapping[str, Any]) -> list[SlowMotor]:
     if supply is None or mean is None:
         return []
     found, turned = [], measures["impacts_per_period"] is not None
-    speeds = scene.synchronous_speeds_at(supply.frequency)
     for i, exciter in enumerate(scene.exciter_pair):
-        speed, synchronous = mean + (0.5 - i) * split, speeds[i] / (2.0 * math.pi)
+        speed = mean + (0.5 - i) * split
+        synchronous = scene.synchronous_speeds_at(supply.frequency)[i] / (2.0 * math.pi)
         critical = exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi)
         highest = speed if turned else 2.0 / (end - begin)
         slips = synchronous - highest > CAPTURED * critical and (turned or speed * (end - begin) < 1.0)
