@@ -32,7 +32,7 @@ def test_energy_residual_needs_the_truncation_term(printed):
         {
             "drive.supply_frequency_hz": 38.0,
             "run.duration_s": 4.0,
-            "run.initial": {"phase_sum_rad": 0.3},
+            "run.initial": {"phase_difference_rad": 0.3},
             "solver.tolerance": 1e-9,
         }
     )

@@ -26,7 +26,7 @@ from .helpers import CALIBRATED, CHAOTIC, DAMPED, MACHINE, planned, swept
 
 FIXED = 30.0
 SLOW = Path(__file__).parents[1] / "machines" / "slow.yaml"
-IN_PHASE = {"run.initial.phase_sum_rad": 0.3}
+IN_PHASE = {"run.initial.phase_difference_rad": 0.3}
 MATERIAL = {"material.mass_ratio": 0.2}
 BOUNCING = {**MATERIAL, "contact.restitution": 0.3}
 SERIES = {**MATERIAL, "solver.engine": "taylor"}

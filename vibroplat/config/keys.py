@@ -34,7 +34,6 @@ _LEFT_OUT = (
     "drive.program.",
     "sweep.over.",
     "run.initial.state.",
-    "run.initial.phase_sum_rad",
 )
 _HEAD = "# Lines with # are alternatives or optional keys. Typical values: screens and feeders in industry.\n"
 _COMMANDS = {

@@ -14,8 +14,8 @@ from vibroplat.config.schema import MAX_SIZE, PERTURBATION, Fraction, Positive, 
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
-#: Most points of a branch of a sweep.
-MAX_POINTS = 100_000
+#: Most points of a branch of a sweep, and of all its branches: a week of computing, or a slip of the keyboard.
+MAX_POINTS, MAX_SWEEP_POINTS = 100_000, 1_000_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
 MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
 
@@ -176,8 +176,6 @@ class SweepPlan(Section, title="Sweep"):
         True, "", "search for attractors coexisting with each chaotic one; takes two fifths of its time"
     )
 
-    max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="maximum total of points")
-
     alternatives = (("supply_frequency_hz", "over"),)
 
     @model_validator(mode="after")
@@ -191,9 +189,9 @@ class SweepPlan(Section, title="Sweep"):
             raise ValueError("supply_frequency_hz and over are not given; allowed: one of the two")
         swept = self.swept
         each, ways = swept.number, len(swept.direction)
-        if each * ways * count > self.max_points:
+        if each * ways * count > MAX_SWEEP_POINTS:
             times = f"{count} × {ways} branches of {each} points"
-            raise ValueError(f"{times} are {each * ways * count}; allowed: at most max_points = {self.max_points}")
+            raise ValueError(f"{times} are {each * ways * count}; allowed: at most {MAX_SWEEP_POINTS}")
         for key, values in self.grid.items():
             if not key.isascii():
                 raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
@@ -226,20 +224,17 @@ class StepPlan(Section, title="Step"):
 
     first: Positive | None = Field(None, description="first step; default: 1/300 of the range")
     largest: Positive | None = Field(None, description="largest step; default: 1/40 of the range")
-    least: Positive | None = Field(None, description="step below which a branch ends; default: 1e-8 of the range")
 
     def lengths(self, span: float) -> tuple[float, float, float]:
-        """First, largest and least step for a range of the key."""
+        """First, largest and smallest step for a range of the key; with still smaller ones a branch ends."""
         largest = MAX_STEP * span if self.largest is None else self.largest
         first = min(FIRST_STEP * span, largest) if self.first is None else self.first
-        return first, largest, min(MIN_STEP * span, first) if self.least is None else self.least
+        return first, largest, min(MIN_STEP * span, first)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.first is not None and self.largest is not None and self.first > self.largest:
             raise ValueError(f"first = {self.first} is above largest = {self.largest}; allowed: at most largest")
-        if self.least is not None and any(s is not None and self.least > s for s in (self.first, self.largest)):
-            raise ValueError(f"least = {self.least} is above first or largest; allowed: at most these")
         return self
 
 

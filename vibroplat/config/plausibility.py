@@ -145,7 +145,7 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     inertia = max(exciter.rotor_inertia_kg_m2 for exciter in scene.exciter_pair)
     yield UsualRange(inertia, 0.0, 100.0, "kg·m²", ("machine.rotor_inertia_kg_m2",))
     yield UsualRange(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
-    for key in ("phase_difference_rad", "phase_sum_rad", "phi1_rad"):
+    for key in ("phase_difference_rad", "phi1_rad"):
         yield UsualRange(getattr(initial, key), -LARGE_PHASE, LARGE_PHASE, "rad", (f"run.initial.{key}",))
     for i, (x, y) in enumerate(exciter.position_m or (0.0, 0.0) for exciter in scene.exciters or ()):
         text = f"exciters.{i}.position_m: {{}} from the centre of mass"

@@ -57,6 +57,9 @@ REMOVED_KEYS = {
     "design.indices": "table variance_contributions has the fractions of the variance by linear regression",
     "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 scaled units",
     "sweep.settle_s": "a motion settles until convergence is shown, for at most max_settle_s",
+    "sweep.max_points": "a sweep has at most a million points",
+    "orbits.step.least": "a branch ends where steps become smaller than 1e-8 of the range",
+    "orbits.boundaries.step.least": "a boundary ends where steps become smaller than 1e-8 of the range",
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
     "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
 }
@@ -65,6 +68,7 @@ RENAMED_KEYS = {
     "sweep.settle": "sweep.settle_by",
     "sweep.coexists": "sweep.find_coexisting",
     "find.outcome": "find.compare",
+    "run.initial.phase_sum_rad": "run.initial.phase_difference_rad",
     "basins.starts": "basins.initial_conditions",
     "basins.longest_turns": "basins.max_turns",
     "design.subject": "design.constraints",

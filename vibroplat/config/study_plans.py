@@ -12,16 +12,15 @@ from pydantic import BeforeValidator, Field, model_validator
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import Frequencies, OrbitsPlan, ParameterRange, SweepPlan, may_vary
 from vibroplat.config.schema import MAX_SIZE, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.sections import PHASES
 
 #: What keys of starts begin with, and those that there are.
 INITIAL_PREFIX = "run.initial."
-PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
 STATE_KEYS = tuple(f"state.{name}" for name in (*COORDINATES, *RATES, *ALONG))
 INITIAL_KEYS = tuple(INITIAL_PREFIX + name for name in (*PHASES, *STATE_KEYS))
 #: Pairs of them that say the same.
 EXCLUSIVE = (
-    ("phase_difference_rad", "phase_sum_rad"),
-    *((name, f"state.{phase}_rad") for name in PHASES[:3] for phase in ("phi1", "phi2")),
+    *((name, f"state.{phase}_rad") for name in PHASES[:2] for phase in ("phi1", "phi2")),
     *(("speed_ratio", f"state.{phase}_rate_rad_per_s") for phase in ("phi1", "phi2")),
 )
 #: Starts at random that there are without a number of them, and most starts at all values of a key.

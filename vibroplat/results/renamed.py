@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import reduce
 from typing import TYPE_CHECKING, Any
 
 from vibroplat.config.schema import RENAMED_KEYS
@@ -56,12 +57,12 @@ def rename_summary(summary: dict[str, Any]) -> dict[str, Any]:
 def rename_keys(configuration: dict[str, Any]) -> None:
     """Give the keys of a configuration their present names, and the measures that its sections name."""
     for old, new in RENAMED_KEYS.items():
-        section, _, key = old.partition(".")
-        given = configuration.get(section)
+        *sections, key = old.split(".")
+        given = reduce(lambda at, name: at.get(name) if isinstance(at, dict) else None, sections, configuration)
         if isinstance(given, dict) and key in given:
             value = given.pop(key)
             settled = {"orbits": "newton", "motion": "section"} if old == "sweep.settle" else {}
-            given[new.partition(".")[2]] = settled.get(value, value) if isinstance(value, str) else value
+            given[new.rpartition(".")[2]] = settled.get(value, value) if isinstance(value, str) else value
     for section in ("find", "design"):
         given = configuration.get(section)
         plan = given if isinstance(given, dict) else {}
