@@ -24,7 +24,7 @@ from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.1")
-STORM = ("contact={restitution: 1.0, sticking_speed_m_per_s: 0.0}", "solver.max_events_per_period=3")
+STORM = ("contact={restitution: 1.0, restitution_threshold_m_per_s: 0.0}", "solver.max_events_per_period=3")
 RUN_FILES = {"trajectory", "events", "summary", "provenance"}
 
 

@@ -75,7 +75,7 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
 
 
 def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
-    coarse = {"contact.restitution": 0.99, "contact.sticking_speed_m_per_s": 0.0, "run.duration_s": 2.0}
+    coarse = {"contact.restitution": 0.99, "contact.restitution_threshold_m_per_s": 0.0, "run.duration_s": 2.0}
     scene, noted = load_config(QUICKSTART), {}
     for engine, tolerance in (("native", 1e-3), ("native", 1e-5), ("taylor", 1e-3)):
         notes = of_motion(scene, **coarse, **{"solver.engine": engine, "solver.tolerance": tolerance})

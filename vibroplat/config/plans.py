@@ -223,18 +223,18 @@ class StepPlan(Section, title="Step"):
     """Steps along a branch, as changes of the key."""
 
     first: Positive | None = Field(None, description="first step; default: 1/300 of the range")
-    largest: Positive | None = Field(None, description="largest step; default: 1/40 of the range")
+    max: Positive | None = Field(None, description="maximum step; default: 1/40 of the range")
 
     def lengths(self, span: float) -> tuple[float, float, float]:
         """First, largest and smallest step for a range of the key; with still smaller ones a branch ends."""
-        largest = MAX_STEP * span if self.largest is None else self.largest
+        largest = MAX_STEP * span if self.max is None else self.max
         first = min(FIRST_STEP * span, largest) if self.first is None else self.first
         return first, largest, min(MIN_STEP * span, first)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if self.first is not None and self.largest is not None and self.first > self.largest:
-            raise ValueError(f"first = {self.first} is above largest = {self.largest}; allowed: at most largest")
+        if self.first is not None and self.max is not None and self.first > self.max:
+            raise ValueError(f"first = {self.first} is above max = {self.max}; allowed: at most max")
         return self
 
 

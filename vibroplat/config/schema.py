@@ -63,16 +63,23 @@ REMOVED_KEYS = {
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
     "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
 }
-#: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
+#: Keys of former versions, and their names now; and values of keys, which have other names, too.
 RENAMED_KEYS = {
     "sweep.settle": "sweep.settle_by",
     "sweep.coexists": "sweep.find_coexisting",
     "find.outcome": "find.compare",
+    "contact.sticking_speed_m_per_s": "contact.restitution_threshold_m_per_s",
+    "orbits.step.largest": "orbits.step.max",
+    "orbits.boundaries.step.largest": "orbits.boundaries.step.max",
     "run.initial.phase_sum_rad": "run.initial.phase_difference_rad",
     "basins.starts": "basins.initial_conditions",
     "basins.longest_turns": "basins.max_turns",
     "design.subject": "design.constraints",
     "design.spread": "design.parameter_tolerances",
+}
+RENAMED_VALUES = {
+    "sweep.settle_by": {"orbits": "newton", "motion": "section"},
+    "find.from": {"neighbour": "previous"},
 }
 
 

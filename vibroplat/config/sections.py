@@ -280,7 +280,7 @@ class Contact(Section):
         "damper",
     )
     restitution: Fraction = described(0.0, "R", "coefficient of restitution of impacts", "0 … 0.3")
-    sticking_speed_m_per_s: NonNegative = described(
+    restitution_threshold_m_per_s: NonNegative = described(
         0.0, "", "approach speed below which impacts are inelastic; 0: none", "0 … 0.1"
     )
     impact_law: Literal["conservative", "central", "printed"] = Field(

@@ -132,10 +132,10 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         description='wanted outcome, instead of compare: a column of a sweep and a bound, as "rms_y_m > 1e-3"; if '
         "outcomes are mixed, more values are evaluated on the side where it holds",
     )
-    from_: Literal["initial", "neighbour"] = Field(
+    from_: Literal["initial", "previous"] = Field(
         "initial",
         alias="from",
-        description="initial: each value starts from run.initial and follows the supply program; neighbour: the "
+        description="initial: each value starts from run.initial and follows the supply program; previous: the "
         "motion is continued from the scene's own value in both directions until it changes",
     )
     tolerance: Positive | None = Field(

@@ -92,7 +92,7 @@ class ThresholdStudy(Study):
         values = values[values["outcome"] == "ok"]
         for _, row in result.thresholds.iterrows():
             mixed = pd.notna(row["mixed_low"])
-            if self.plan.from_ == "neighbour" or (row["kind"] == "unresolved-transient" and not mixed):
+            if self.plan.from_ == "previous" or (row["kind"] == "unresolved-transient" and not mixed):
                 continue
             for side in ("below", "above"):
                 at, seed = float(row[side]), self.scene.run.seed
