@@ -125,7 +125,7 @@ REFUSED = {
     f"{NEAR}, from: state": "c.yaml: orbits.from = state but run.initial.state is not given; ",
     f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "c.yaml: orbits.grid: material.mass_ratio = -1.0; "
     "allowed: at least 0.0",
-    f"{NEAR}, grid: {{material.mass_ratio: [0.1, 0.1]}}": "c.yaml: orbits: grid.material.mass_ratio = [0.1, 0.1]; "
+    f"{NEAR}, grid: {{material.mass_ratio: [0.1, 0.1]}}": "c.yaml: orbits.grid: material.mass_ratio = [0.1, 0.1]; "
     "allowed: each value once",
 }
 

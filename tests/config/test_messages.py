@@ -92,7 +92,7 @@ MESSAGES = {
         "synchronous speed; allowed with engine sundae: at most 5e+07",
         "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}": "sweep.measure_s = "
         "2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
-        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep: grid.contact.restitution = [nan]; "
+        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep.grid: contact.restitution = [nan]; "
         "allowed: numbers up to 1e+30",
         "name: ../up": f"name = '../up'; allowed: {NAME}, as name: up",
         'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}, as name: a-b",

@@ -100,7 +100,7 @@ KEYS = {
     "kind: map, grid: {material.mass_ratio: [0.1]}": NO_MAP,
     "kind: map, grid: {material.mass_ratio: [0.1, 0.2], contact.restitution: [0.0, 0.1]}": NO_MAP,
     "grid: {contact.restitution: 0.1}": ".grid.contact.restitution = 0.1; allowed: a list",
-    "grid: {contact.restitution: [0, 0.0]}": ": grid.contact.restitution = [0, 0.0]; allowed: each value once",
+    "grid: {contact.restitution: [0, 0.0]}": ".grid: contact.restitution = [0, 0.0]; allowed: each value once",
     "grid: {run.duration_s: [1.0]}": f": grid.run.duration_s {NOT_SWEPT}",
     "grid: {name: [1.0]}": f": grid.name {NOT_SWEPT}",
     "grid: {drive.supply_frequency_hz: [50.0]}": f": grid.drive.supply_frequency_hz {NOT_SWEPT}",

@@ -31,8 +31,7 @@ def answer_of(
 
     ``escaped`` has the number of motions of an attractor that converged to an orbit when they were continued.
     """
-    plan, attractors = scene.basins, tables["attractors"]
-    assert plan is not None
+    plan, attractors = scene.plan_of("basins"), tables["attractors"]
     names = list(dict.fromkeys(attractors["attractor"]))
     values = len(sets)
     over = f" at each of {values} values of {plan.over.key}" if plan.over else ""

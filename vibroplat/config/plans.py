@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.schema import MAX_SIZE, PERTURBATION, Fraction, Positive, Real, Section, described, short
@@ -30,8 +30,22 @@ Direction = Literal["up", "down"]
 Period = Annotated[int, Field(ge=1, le=64)]
 OrbitTolerance = Annotated[float, Field(ge=1e-11, le=1e-4, allow_inf_nan=False)]
 Boundary = Literal["fold", "period-doubling", "neimark-sacker", "branch-point", "liftoff", "end-of-sticking", "grazing"]
+
+
+def _distinct(grid: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """Refuse keys that are none of a scene, and values that are too large or given twice."""
+    for key, values in grid.items():
+        if not key.isascii():
+            raise ValueError(f"{key!a} is not a key of a scene; allowed: keys of machine, material, …")
+        if any(isinstance(value, int | float) and not abs(value) <= MAX_SIZE for value in values):
+            raise ValueError(f"{key} = {short(values)}; allowed: numbers up to {MAX_SIZE:g}")
+        if len(set(values)) < len(values):  # 0 and 0.0 are equal
+            raise ValueError(f"{key} = {short(values)}; allowed: each value once")
+    return grid
+
+
 #: Dotted keys and their values.
-Grid = dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]]
+Grid = Annotated[dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]], AfterValidator(_distinct)]
 
 
 def _as_list(value: Any) -> Any:
@@ -192,23 +206,22 @@ class SweepPlan(Section, title="Sweep"):
         if each * ways * count > MAX_SWEEP_POINTS:
             times = f"{count} × {ways} branches of {each} points"
             raise ValueError(f"{times} are {each * ways * count}; allowed: at most {MAX_SWEEP_POINTS}")
-        for key, values in self.grid.items():
-            if not key.isascii():
-                raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
+        for key in self.grid:
             if not may_vary(key) or key == FREQUENCY == swept.key:
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if key == swept.key:
                 raise ValueError(f"grid.{key} is the key of over; allowed: another key")
-            if any(isinstance(value, int | float) and not abs(value) <= MAX_SIZE for value in values):
-                raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {MAX_SIZE:g}")
-            if len(set(values)) < len(values):  # 0 and 0.0 are equal
-                raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
         if not may_vary(swept.key):
             raise ValueError(f"over.key = {swept.key!a} cannot be swept; allowed: keys of machine, material, …")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
             raise ValueError("kind = map needs exactly one grid key with several numbers")
         return self
+
+    @classmethod
+    def of_motion(cls, **settings: Any) -> Self:
+        """Return how a motion settles and is measured where nothing is swept."""
+        return cls(supply_frequency_hz=Frequencies(start=1.0, stop=1.0), **settings)
 
     @cached_property
     def swept(self) -> ParameterRange:
@@ -304,8 +317,6 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
         for key in self.grid:
             if key == self.key or key.split(".")[0] in (*KINDS, "name", "output"):
                 raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
-            if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
-                raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")
         if self.boundaries is not None and self.boundaries.key == self.key:
             raise ValueError(f"boundaries.key = {self.key} is key; allowed: another key")
         return self

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
-from vibroplat.config.plans import Frequencies, OrbitsPlan, ParameterRange, SweepPlan, may_vary
+from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
 from vibroplat.config.schema import MAX_SIZE, Fraction, Positive, Real, Section, did_you_mean
 from vibroplat.config.sections import PHASES
 
@@ -183,8 +183,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
 
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
         """Return how a motion settles and is measured, with so many times the settling and measuring time."""
-        return SweepPlan(
-            supply_frequency_hz=Frequencies(start=1.0, stop=1.0),  # a plan has some; nothing is swept
+        return SweepPlan.of_motion(
             max_settle_s=times * self.max_settle_s,
             measure_s=times * self.measure_s,
             perturbation=perturbation,

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from typing import Any
 
 import numpy as np
 
 from vibroplat.columns import COUNT, FLAG, Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.config.study_plans import VIOLATION_TOLERANCE
+from vibroplat.config.study_plans import VIOLATION_TOLERANCE, DesignPlan
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.designs.motions import name_regime, settling_plan
 from vibroplat.designs.samples import sobol_points
@@ -59,9 +60,7 @@ class DesignProblem:
     """
 
     def __init__(self, scene: Scene, names: Sequence[str], known: Record, bounds: Bounds) -> None:
-        plan = scene.design
-        assert plan is not None
-        assert plan.minimize is not None
+        plan: Any = scene.plan_of("design")
         keys, self.names = list(plan.keys), list(names)
         self.low, self.high = np.array(list(plan.keys.values()), float).T
         self.log = self.low > 0.0
@@ -240,8 +239,7 @@ def run_search(
         ``rows`` of the table of evaluations, and the ``best``: its ``values`` of the keys, ``measures``, and
         ``objective`` in the worst scene; None if the bounds cannot be kept.
     """
-    plan = scene.design
-    assert plan is not None
+    plan: DesignPlan = scene.plan_of("design")
     model = DesignProblem(scene, names, known, bounds)
     with closing(model.local):
         if begin is not None:

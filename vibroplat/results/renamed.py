@@ -72,7 +72,7 @@ def rename_keys(configuration: dict[str, Any]) -> None:
 
 
 def _section_of(configuration: Any, name: str) -> tuple[dict[str, Any], str]:
-    """Return the section of a configuration that may have a dotted key, an empty one if it is not there; and the key."""
+    """Return the section of a dotted key, an empty one if a configuration has none, and the key's last part."""
     *sections, key = name.split(".")
     for section in sections:
         configuration = configuration.get(section) if isinstance(configuration, dict) else None

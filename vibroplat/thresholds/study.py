@@ -338,9 +338,7 @@ def _columns(scene: Scene) -> Columns:
 
 def _required_plan(scene: Scene) -> FindPlan:
     """Return the plan of a scene; see :class:`ThresholdStudy` for what is refused."""
-    plan = scene.find
-    if plan is None:
-        raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
+    plan: FindPlan = scene.plan_of("find")
     with errors_about("find"):
         for value in plan.over.upward:
             scene.replace({plan.key: value})
