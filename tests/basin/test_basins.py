@@ -116,7 +116,7 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     shown = "\n".join(text.get_text() for text in figure.legends[0].get_texts())
     assert "antiphase, chaotic" in shown
     assert "beyond-model" in shown
-    assert figure.get_suptitle().replace("\n", " ").endswith("of 10 starts")
+    assert figure.get_suptitle().replace("\n", " ").endswith("of 10 initial conditions")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The plans of studies, sections ``sweep`` and ``orbits`` of a configuration: what is computed, and how exactly."""
+"""The plans of sections ``sweep`` and ``orbits`` of a configuration."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_POINTS, MAX_SWEEP_POINTS = 100_000, 1_000_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
 MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
 
-#: Lengths of steps along branches of orbits that are not given, over the range of the key.
+#: Default first and maximum step, and the minimum step, along branches of orbits, relative to the range of the key.
 FIRST_STEP, MAX_STEP, MIN_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
 
 #: Length of a branch over the whole range of its key, in the units of the unknowns.
@@ -62,7 +62,7 @@ def _in_range(start: float, stop: float, step: float | None, direction: list[Dir
         raise ValueError(f"direction = {direction}; allowed: up and down, each once")
 
 
-#: Ways along a branch.
+#: Directions along a branch.
 Directions = Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)]
 
 
@@ -144,7 +144,7 @@ class Frequencies(Section):
 
     @property
     def over(self) -> ParameterRange:
-        """What it is short for."""
+        """The range of ``drive.supply_frequency_hz`` that it stands for."""
         return ParameterRange.model_construct(key=FREQUENCY, **dict(self))
 
 
@@ -323,7 +323,7 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and largest value of the key."""
+        """Minimum and maximum of the key."""
         return min(self.start, self.stop), max(self.start, self.stop)
 
     def covers(self, value: float) -> bool:

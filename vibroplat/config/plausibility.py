@@ -24,17 +24,17 @@ from vibroplat.config.sections import Exciter, Motor
 SWING_TORQUE_RATIO = 0.7246
 #: Keys whose default holds for any machine.
 UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
-#: Least number of a slip of units that is written by a power of ten.
+#: Size from which on a number that may be a slip of units is written by a power of ten.
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
 MIN_DAMPING_RATIO, MAX_REMAINDER = 0.005, 0.01
-#: Least samples of a turn in a trajectory.
+#: Minimum number of samples of a turn in a trajectory.
 MIN_SAMPLES_PER_TURN = 20.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
 INERTIA = "rotor_inertia_kg_m2"
-#: Most keys that were left out and are all named.
+#: Maximum number of missing keys that are all named.
 MAX_NAMED = 3
 #: How notes begin that put no number in doubt: they come last.
 HINT = "hint: "
@@ -243,7 +243,7 @@ def _coarse(scene: Scene) -> str:
     each = 2.0 * math.pi * rate / scene.speed_scale
     if each >= MIN_SAMPLES_PER_TURN:
         return ""
-    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples a turn miss the largest values"
+    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes"
 
 
 def _replaced(scene: Scene) -> str:

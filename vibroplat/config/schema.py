@@ -236,8 +236,8 @@ def _allowed(error: ErrorDetails) -> str:
         return f"{_NAMES[limits['pattern']]}{like and f', as {example}'}"
     template = _ALLOWED.get(error["type"])
     allowed = template.format(**limits) if template else error["msg"]
-    is_share = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
-    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_share and 1.0 < given <= 100.0 else allowed
+    is_fraction = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
+    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_fraction and 1.0 < given <= 100.0 else allowed
 
 
 def did_you_mean(wrong: str, known: Collection[str], most: int = 1) -> str:

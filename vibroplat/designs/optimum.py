@@ -1,4 +1,4 @@
-"""The best values of keys: the least of a measure within bounds of others, by orbits and their gradients.
+"""The best values of keys: the minimum of a measure within bounds of others, by orbits and their gradients.
 
 Each search follows the orbit of the scene as given. What violates the bounds is made small first, so that a box without
 any design that keeps them is found out; then the measure, both by sequential quadratic programming (SLSQP, Kraft 1988).
@@ -141,13 +141,13 @@ class DesignProblem:
         return max(float(-self.bounds(point).min(initial=0.0)), 0.0)
 
     def objective(self, point: FloatArray) -> FloatArray:
-        """Return the measure that is to be least, over its size in the scene as given, shape (scenes,)."""
+        """Return the measure to minimize, relative to its size in the scene as given, shape (scenes,)."""
         orbits = self.at(point)
         assert orbits is not None
         return np.array([self._measures(k)[self._least] for k in orbits]) / self._unit
 
     def worst(self, point: FloatArray) -> float:
-        """Return the measure that is to be least, in the worst scene."""
+        """Return the measure to minimize, in the worst scene."""
         return float(self.objective(point).max()) * self._unit
 
     def gradients(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:

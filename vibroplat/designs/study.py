@@ -53,7 +53,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
         of_samples.VARIANCE_CONTRIBUTIONS,
     ),
     "evaluations": (
-        "`vibroplat design` with `minimize`: a row for each point that was looked at.",
+        "`vibroplat design` with `minimize`: one row per evaluated point.",
         {**_VARIED, **_MEASURED, **optimum.EVALUATIONS},
     ),
     "pareto": ("`vibroplat design` with `pareto`: one row per bound.", {**_VARIED, **_MEASURED, **optimum.PARETO}),

@@ -135,7 +135,7 @@ class ThresholdSearch:
     def _value(
         self, at: float, stage: str, near: ScanPoint | None = None, times: int = 1, other: int = 0
     ) -> Tasks[ScanPoint]:
-        """Look at a value of the key; with ``previous`` the motion continues from ``near``."""
+        """Evaluate a value of the key; with ``previous`` the motion continues from ``near``."""
         scene, state = self.scene.replace({self.plan.key: at}), None
         if near is not None and near.state is not None and self.plan.from_ == "previous":
             before = self.scene.replace({self.plan.key: near.value})
@@ -353,7 +353,7 @@ class ThresholdSearch:
     def _challenge(
         self, at: float, seeds: Sequence[int], zone: Zone, upward: bool
     ) -> Tasks[tuple[None, list[ScanPoint]]]:
-        """Look at one value with these seeds, until one contradicts what is known beyond this end of a zone."""
+        """Evaluate one value with these seeds, until one contradicts what is known beyond this end of a zone."""
         evaluated: list[ScanPoint] = []
         nearest = zone.side(upward).nearest
         for seed in seeds:

@@ -1,4 +1,4 @@
-"""The study ``find`` of a scene: its tables, and what is printed of them."""
+"""The study ``find`` of a scene: its tables and its printed answer."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ class ThresholdStudy(Study):
     def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
         sides = [zone.side(upward) for zone in zones for upward in (False, True)]
-        sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "beside each change"
+        sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "near each change"
         if sure:
             risk = f"less than {percent(max(side.max_other_fraction for side in sure))} of other starts {where} differ"
             beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
