@@ -149,7 +149,7 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     coarse = ("output.sample_rate_hz=1", "run.duration_s=1.0", "name=coarse")
     done = command("run", QUICKSTART, *settings(*coarse), "-v")
     (note,) = read_json(here / "results/coarse/run", "summary")["notes"]
-    assert note.startswith("hint: output.sample_rate_hz = 1: 0.039 samples a turn miss ")
+    assert note.startswith("hint: output.sample_rate_hz = 1: 0.039 samples per turn miss ")
     assert f"\n{note}\n" in done.out
 
 

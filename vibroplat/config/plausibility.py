@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from functools import reduce
 from itertools import repeat
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ from pydantic import BaseModel
 
 from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.digits import given, number, quantity
+from vibroplat.config.keys import value_at
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Exciter, Motor
 
@@ -277,10 +277,7 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
         *(f"exciters.{i}.{_given_key(exciter, key)}" for key in own for i, exciter in enumerate(scene.exciters or ())),
     )
     tree: Any = scene.model_dump()
-    values = {
-        key: reduce(lambda at, part: at[int(part) if part.isdigit() else part], key.split("."), tree) for key in keys
-    }
-    named = ", ".join(f"{key} = {given(size)}" for key, size in values.items() if size)
+    named = ", ".join(f"{key} = {given(size)}" for key in keys if (size := value_at(tree, key)))
     what = text.format(_in_unit(value, unit))
     ends = f"{given(low)} to {given(high)}" if low else f"up to {given(high)}"
     return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
