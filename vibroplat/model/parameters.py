@@ -94,13 +94,7 @@ def record_address(p: Parameters) -> int:
 
 def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     """Fill the record of a scene, with the supply as it is at a time (s)."""
-    machine, body, exciters, transport, p = (
-        scene.machine,
-        scene.body,
-        scene.exciter_pair,
-        scene.transport,
-        blank_record(),
-    )
+    machine, body, exciters, transport = scene.machine, scene.body, scene.exciter_pair, scene.transport
     unbalances, gravity = scene.unbalances, scene.gravity
     values = {
         "mass": scene.platform_mass,
@@ -120,7 +114,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
         "friction": [exciter.friction_radius_m * k for exciter, k in zip(exciters, unbalances, strict=True)],
         "deck": [exciter.mounted_on == "deck" for exciter in exciters],
         "restitution": scene.contact.restitution,
-        "sticking_speed": scene.contact.sticking_speed_m_per_s,
+        "sticking_speed": scene.contact.restitution_threshold_m_per_s,
         "safe_rotation": body.safe_rotation,
         "impact_law": IMPACT_LAWS.index(scene.contact.impact_law),
         **_supplied(scene, scene.drive.at(time)),
