@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator
 
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, Quantity, describe_sync, quantity_of
 from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
 from vibroplat.results.picture import REFERENCE, SYNC
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -76,6 +77,8 @@ def widen_ticks(axis: Axes, which: Literal["x", "y"], least: float = 0.0) -> Non
 
 def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
     """Make an axis logarithmic once all is drawn, with plain numbers as its ticks."""
+    from matplotlib.ticker import LogLocator  # noqa: PLC0415  (the page draws without it)
+
     axis.set(**{f"{which}scale": "log"})
     along = axis.xaxis if which == "x" else axis.yaxis
     low, high = along.get_view_interval()
