@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.columns import FORCES
 from vibroplat.page.panels import points, strips
 from vibroplat.page.run import ShownRun
 from vibroplat.page.svg import Plot, plain_text
-from vibroplat.page.view import View, heading, places_of
-from vibroplat.plots.axes import label_of
+from vibroplat.page.view import View, axis_name, heading, places_of
 from vibroplat.plots.histories import FURTHER, POWERS
 from vibroplat.plots.run import FIGURES, RunPicture, curve, missing, of_both
 from vibroplat.results.labels import capital
@@ -41,12 +41,12 @@ class Runs:
         shown = RunPicture([one.tables for one in runs], None, names if len(names) > 1 else ())
         kinds = [kind for kind in FIGURES if not missing(kind, shown)]
         self.platform = _platform(shown.anew(), runs[0].main)
-        self.pictures = [_further(shown.anew()), *(FIGURES[kind](shown.anew()) for kind in kinds)]
+        self.pictures = [*(FIGURES[kind](shown.anew()) for kind in kinds), _further(shown.anew())]
 
     def key_figures(self) -> str:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
         loads = next(one for one in self.pictures if one.name == "loads")
-        force = [plot for panel in loads.panels if panel.column == "force_y_n" for plot in _plots(loads, panel)]
+        force = [plot for panel in loads.panels if panel.column in FORCES for plot in _plots(loads, panel)]
         return "".join(plot.html() for plot in (*force[:1], *_plots(self.platform, self.platform.panels[0])))
 
     def starts(self) -> str:
@@ -65,11 +65,12 @@ class Runs:
 
     def all_figures(self) -> tuple[str, int]:
         """Return the curves of all quantities, the whole run and the last turns in pairs, and how many these are."""
-        known: dict[str, list[Plot]] = {}
+        known: dict[tuple[str, str], list[Plot]] = {}
         bands = ""
         for picture in self.pictures:
             for panel in picture.panels:
-                known.setdefault(panel.column, _plots(picture, panel))
+                key = panel.column, picture.axes[0]
+                known[key] = max(known.get(key, []), _plots(picture, panel), key=len)
             bands += "".join(strips(_view(picture)))
         drawn = [[plot.html() for plot in plots] for plots in known.values() if plots]
         pairs, singles = ("".join("".join(of) for of in drawn if (len(of) > 1) == two) for two in (True, False))
@@ -87,36 +88,40 @@ def _platform(shown: RunPicture, main: str) -> Picture:
             colour = shown.colour(run, "gap_m") if shown.names else VERMILION
             under = last[["t_s"]].assign(y_m=last["y_m"] + last["gap_m"])
             shown.draw(under, shown.called(run, _UNDERSIDE), colour=colour, **look)
-    return shown.picture("motion", [shown.panel(main)], facets=0)
+    found = shown.picture("motion", [shown.panel(main)])
+    return replace(found, facets=found.facets[-1:])
 
 
 def _further(shown: RunPicture) -> Picture:
-    """Show what no printed figure has: the upper layer, the contact force of the whole run, the powers of the motors."""
+    """Show what no printed figure has: upper layer, contact force of the whole run, powers of the motors."""
     panels = []
     for column, label in ((FURTHER, "upper layer relative to the lower one (mm)"), ("contact_force_n", "")):
         for run in (run for run in shown.runs if column in run.shown):
             curve(shown, run, column, label=shown.called(run))
         panels.append(Panel(column, label=label))
     of_both(shown, POWERS, "motor_power_w", "motor")
-    return shown.picture("loads", [*panels, Panel("motor_power_w")])
+    return shown.picture("further", [*panels, Panel("motor_power_w")])
 
 
 def _view(picture: Picture) -> View:
-    """Return a picture over its axis, whose points are no rows of a table on the page."""
-    return View(picture, picture.axes[0], np.full(len(picture.points) + 1, -1))
+    """Return a picture over its axis, whose points are no rows of a table on the page, with texts beside points."""
+    words = [word for word in picture.words if word.beside]
+    return View(replace(picture, words=words), picture.axes[0], np.full(len(picture.points) + 1, -1))
 
 
 def _plots(picture: Picture, panel: Panel) -> list[Plot]:
     """Return the drawings of a panel: of the whole run and of its last turns, or of the curves that there are."""
-    view, plots = _view(picture), []
-    named = replace(panel, label=panel.label or label_of(panel.column))
+    view, plots, usual = _view(picture), [], axis_name(panel.column)
+    name = heading(panel)
+    name = name if name[1:2] in ("", " ") else capital(name)  # symbols keep their letters
     values = view.values(panel.column)
     for facet in picture.facets or [Facet("", range(len(picture.series)))]:
-        shown = [picture.series[n] for n in facet.series if panel.has(picture.series[n].of)]
+        of = [picture.series[n] for n in facet.series if panel.has(picture.series[n].of)]
+        shown = [replace(one, label=one.label or usual * (one.mode != "markers")) for one in of]
         if np.isfinite(values[places_of(shown)]).any():
-            plot = points(view, named, shown)
+            plot = points(view, panel, shown)
             plot.look = ""
-            plot.title = ", ".join(filter(None, (capital(heading(named)), facet.label)))
+            plot.title = ", ".join(filter(None, (name, facet.label)))
             labels = {plain_text(one.label): one.colour for one in shown if one.label and one.mode != "shade"}
             plot.key = [*labels.items()] if len(labels) > 1 or any(" = " in label for label in labels) else []
             looks = {one.look: one.dash for one in shown if one.look and one.dash != "-"}

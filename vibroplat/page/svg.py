@@ -257,7 +257,7 @@ class Plot:
     def band(self, x: Any, low: Any, high: Any, name: str, colour: str) -> None:
         """Fill what is between two curves."""
         across, down, up = self.x.share(x), self.y.share(low), self.y.share(high)
-        known = np.isfinite(down) & np.isfinite(up)
+        known = np.isfinite(across + down + up)
         there, back = (across[known], up[known]), (across[known][::-1], down[known][::-1])
         line = path(*(np.concatenate(pair) for pair in zip(there, back, strict=True)))
         self._add("band", line and f"{line}z", name, f"fill:{colour}33", f"stroke:{colour}")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
+from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name
 from vibroplat.page.machine import base64_of
 from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.plots.axes import in_units
+from vibroplat.plots.axes import in_units, shown_quantity
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
 
 #: Patterns of lines by matplotlib's names, in points of the screen.
@@ -104,7 +104,7 @@ class View:
 
 def axis_name(column: str) -> str:
     """Return what a column is called on an axis, without its unit; in words where a symbol has an index."""
-    name = quantity_of(column).name
+    name = shown_quantity(column).name
     return indexed_name(column) if "_" in name or plain_text(name) == display_name(column) else plain_text(name)
 
 

@@ -27,19 +27,24 @@ AXIS_MARGIN, MIN_RANGE_RATIO = 0.05, 1e-3
 NEAR_DECADES = 300.0
 
 
+def shown_quantity(column: str) -> Quantity:
+    """Return the name and unit of a column on an axis."""
+    return _SHOWN.get(column) or quantity_of(column)
+
+
 def in_units(values: Any, column: str) -> FloatArray:
     """Return values of a column in the unit of its axis; phase differences lie on their axis."""
     numbers = np.asarray(values, dtype=float)
     if column == PHASE_COLUMN:
         return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE
-    return (_SHOWN.get(column) or quantity_of(column)).factor * numbers
+    return shown_quantity(column).factor * numbers
 
 
 def label_of(column: str) -> str:
     """Return what a column is called on an axis, with its unit."""
     if column in (EXCITATION, SUPPLY) or "." in column:
         return key_label(column)
-    return (_SHOWN.get(column) or quantity_of(column)).label
+    return shown_quantity(column).label
 
 
 def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> None:

@@ -99,13 +99,15 @@ class RunPicture:
             return run.last
         turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
         begin = float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
-        return run.last[run.last["t_s"] >= begin].assign(t_s=run.last["t_s"] - begin)
+        shortest = min(float(np.ptp(one.last["t_s"])) for one in self.runs)
+        return run.last[run.last["t_s"].between(begin, begin + shortest)].assign(t_s=run.last["t_s"] - begin)
 
     def during(self, run: RunTables) -> pd.DataFrame:
         """Return the events of the last turns, at the times of these."""
         last = self.last(run)
-        begin = float(run.last.loc[last.index[0], "t_s"]) - float(last["t_s"].iloc[0])
-        return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])].assign(t_s=lambda t: t["t_s"] - begin)
+        begin, end = run.last.loc[last.index[[0, -1]], "t_s"]
+        inside = run.events[run.events["t_s"].between(begin, end)]
+        return inside.assign(t_s=inside["t_s"] - (begin - float(last["t_s"].iloc[0])))
 
     def colour(self, run: RunTables, column: str) -> str:
         """Return the colour of a quantity, or of each run if there are several."""
