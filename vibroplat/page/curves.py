@@ -121,7 +121,7 @@ def _plots(picture: Picture, panel: Panel) -> list[Plot]:
         if np.isfinite(values[places_of(shown)]).any():
             plot = points(view, panel, shown)
             plot.look = ""
-            plot.title = ", ".join(filter(None, (name, facet.label)))
+            plot.title = ", ".join(filter(None, (name, facet.label.partition(":")[0])))
             labels = {plain_text(one.label): one.colour for one in shown if one.label and one.mode != "shade"}
             plot.key = [*labels.items()] if len(labels) > 1 or any(" = " in label for label in labels) else []
             looks = {one.look: one.dash for one in shown if one.look and one.dash != "-"}
