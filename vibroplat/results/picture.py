@@ -123,8 +123,8 @@ class Series:
     rows
         Places of its points; :data:`BROKEN` where its line is.
     mode
-        ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones. In print also
-        ``band``: between a column and that whose name ends with :data:`LOW`; ``stems`` from 0; ``shade`` of the whole
+        ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones; ``band``:
+        between a column and that whose name ends with :data:`LOW`; ``stems`` from 0; ``shade`` of the whole
         height, between the breaks of the series.
     symbol, dash, width, size, pale
         Matplotlib's marker and style of lines, factors of its width and of markers, and whether it is half transparent.
