@@ -104,7 +104,7 @@ def _further(shown: RunPicture) -> Picture:
 
 
 def _view(picture: Picture) -> View:
-    """Return a picture over its axis, whose points are no rows of a table on the page, with texts beside points."""
+    """Return a picture over its axis, whose points are no rows of a table on the page, with texts next to points."""
     words = [word for word in picture.words if word.beside]
     return View(replace(picture, words=words), picture.axes[0], np.full(len(picture.points) + 1, -1))
 

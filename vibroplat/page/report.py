@@ -40,7 +40,7 @@ from vibroplat.results.tables import replace_file, require_replaceable
 BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
-#: Most runs whose data sheet has room beside their curves.
+#: Maximum number of runs whose data sheet has room next to their curves.
 MAX_SHEETS = 2
 #: Last events of a run on the page.
 EVENTS = 100

@@ -128,7 +128,7 @@ def _motion(result: RunResult, struck: pd.DataFrame, thin: pd.DataFrame) -> dict
 
 
 def windows_of(t: Floats, turns: Floats, frequency: float | None, last: int) -> list[tuple[float, float, int]]:
-    """Return begin, end (s) and frames of turns evenly over a run, the last one of so many turns.
+    """Return begin, end (s) and frames of turns evenly over a run, the last one of ``last`` turns.
 
     Where exciter 1 does not turn, they are as long as its turns in the measured part.
     """

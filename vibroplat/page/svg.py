@@ -147,7 +147,7 @@ class Scale:
 
 
 def nice_step(span: float, most: int) -> float:
-    """Return 1, 2 or 5 times a power of ten that divides an interval into so many parts at most."""
+    """Return 1, 2 or 5 times a power of ten that divides an interval into at most ``most`` parts."""
     part = span / max(most, 1)
     if not (part > 0.0 and math.isfinite(part)):
         return 1.0

@@ -3,8 +3,8 @@
 The spectrum of accelerations is that of amplitudes: of the last whole turns of exciter 1 that are shown, at the times
 of the output grid, without the mean, weighted with Hann's window, it is the size of numpy's real FFT over half the sum
 of the weights. An oscillation that repeats within these turns so has its amplitude at its frequency, and nothing two
-lines beside it (Harris, On the use of windows for harmonic analysis, Proc. IEEE 66, 1978). Impacts make accelerations
-jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above.
+lines away from it (Harris, On the use of windows for harmonic analysis, Proc. IEEE 66, 1978). Impacts make
+accelerations jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _ANGLES = ("phi1_rad", "phi2_rad")
 _MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
 #: Columns that the page shows in addition: the upper layer relative to the lower one, and powers of both motors.
 FURTHER, POWERS = "upper_m", ("motor_power_1_w", "motor_power_2_w")
-#: Range of accelerations along an axis, and of lines of a spectrum, over the largest one, from which they are shown.
+#: Minimum range of accelerations along an axis, and of lines of a spectrum, relative to the largest one, to be shown.
 MATTERS = 1e-3
 #: Relative difference of the accelerations of points that move alike, and number of spectral lines that are named.
 SAME, NAMED_PEAKS = 0.015, 3
@@ -61,7 +61,7 @@ class RunTables:
     whole
         The trajectory in that interval, thinned out.
     envelope
-        Its least and largest values in whole turns: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
+        Its minima and maxima in whole turns: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
     shown
         The rows shown in detail: all in the interval if one was given, otherwise the last turns.
     events

@@ -34,7 +34,7 @@ from vibroplat.results.picture import (
 from vibroplat.results.run import RunResult
 
 OPTIONS = ("start", "stop", "data")
-#: Range of a coordinate over the largest one, above which it has a panel.
+#: Minimum range of a coordinate, relative to the largest one, to have a panel.
 MIN_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as a range.
 MOST_TURNS = 60

@@ -16,7 +16,7 @@ from vibroplat.observe.summary import synchronization
 from vibroplat.results.answer import are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import SETTLED, limit_text, phase_text, speeds_of_both, transient
 
-#: Rotation at the exciters' distance, over the largest stroke, above which the short print has it.
+#: Minimum rotation, as a stroke at the exciters' distance relative to the largest stroke, to be in the short print.
 MIN_ROTATION = 0.1
 #: Most named points and springs in the short print.
 MAX_POINTS = 4
