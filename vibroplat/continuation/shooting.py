@@ -375,7 +375,7 @@ class Shooter:
         while True:
             self.call(self.kernels.shoot, start, duration, full, measured, events)
             if self.has_room():
-                return self.last_shot(start, duration, full=full, measured=measured)
+                return self.last_shot(duration, full=full, measured=measured)
 
     def call(self, kernel: Callable[..., T], *arguments: Any) -> T:
         """Call a compiled function that takes shots, of their records and of these arguments."""
@@ -391,17 +391,18 @@ class Shooter:
         self.records = self.records._replace(events=np.zeros(2 * events, EVENT), pieces=np.empty(2 * pieces, PART))
         return False
 
-    def last_shot(self, start: FloatArray, duration: float, *, full: bool, measured: bool) -> Shot:
-        """Copy what the last shot has left, which began at a full state."""
+    def last_shot(self, duration: float, *, full: bool, measured: bool) -> Shot:
+        """Copy what the last shot has left."""
         records, motion = self.records, self.motion
         begins, ends, events, pieces, _ = records.shot.item()
         h, state, happened = motion.automaton, records.end.copy(), records.events[:events].copy()
         restitution = float(h.p["restitution"])
         shot = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if measured:
-            before, after = (Energies.of(at, h.p) for at in (start, h.run["state"]))
-            numbers = records.measured.copy().view(self._measured.dtype)
-            shot.part = MeasuredInterval(unpacked(numbers, self._statistics.measures), before, after)
+            numbers, energies = records.measured.copy().view(self._measured.dtype), records.energies.tolist()
+            shot.part = MeasuredInterval(
+                unpacked(numbers, self._statistics.measures), *(Energies(*e) for e in energies)
+            )
         if full:
             shot.derivative, shot.rates = self._variation.arrived, self._variation.rates
             shot.pieces = records.pieces[:pieces].tolist()
