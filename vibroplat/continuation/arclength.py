@@ -211,32 +211,32 @@ def predict(
     u, jacobian
         The polynomial through the points with their tangents (Hermite), and that through their Jacobians (Lagrange).
     """
-    first, apart = points[0], -1.0
-    used, distances, cosines = list[OrbitPoint](), list[float](), list[float]()
-    for point in points:
+    first = points[0]
+    here = float((first.u - origin) @ direction)
+    used, apart = [(first, here, float(first.tangent @ direction))], MIN_SPACING * abs(distance - here)
+    for point in points[1:]:
         alike = point.chart is first.chart and point.event_sequence == first.event_sequence
         if len(used) == MAX_KNOWN_POINTS or not alike:
             break
-        here, cosine = float((point.u - origin) @ direction), float(point.tangent @ direction)
-        if used and cosine < MIN_COSINE:
+        cosine = float(point.tangent @ direction)
+        if cosine < MIN_COSINE:
             break
-        if all(abs(here - p) > apart for p in distances):
-            used.append(point)
-            distances.append(here)
-            cosines.append(cosine)
-        apart = MIN_SPACING * abs(distance - distances[0])
-    weights, slopes, jacobian = list[float](), list[float](), 0.0
-    for point, here, cosine in zip(used, distances, cosines, strict=True):
+        here = float((point.u - origin) @ direction)
+        if all(abs(here - other) > apart for _, other, _ in used):
+            used.append((point, here, cosine))
+    weights, slopes = np.zeros((2, len(used)))
+    jacobian = np.zeros(first.jacobian.shape)
+    for i, (point, here, cosine) in enumerate(used):
         away, weight, steepness = distance - here, 1.0, 0.0
-        for other in distances:
+        for _, other, _ in used:
             if other != here:
                 weight *= (distance - other) / (here - other)
                 steepness += 1.0 / (here - other)
-        weights.append(weight**2 * (1.0 - 2.0 * away * steepness))
-        slopes.append(weight**2 * away / cosine)
-        jacobian = jacobian + weight * point.jacobian
-    u = weights @ np.array([point.u for point in used]) + slopes @ np.array([point.tangent for point in used])
-    return u, np.asarray(jacobian)
+        weights[i] = weight**2 * (1.0 - 2.0 * away * steepness)
+        slopes[i] = weight**2 * away / cosine
+        jacobian += weight * point.jacobian
+    states, tangents = np.array([point.u for point, _, _ in used]), np.array([point.tangent for point, _, _ in used])
+    return weights @ states + slopes @ tangents, jacobian
 
 
 def step_over_grazing(problem: Problem, before: OrbitPoint, last: OrbitPoint) -> OrbitPoint:
