@@ -58,17 +58,13 @@ def active_block(matrix: FloatArray, end: int, least: float) -> int:
 
 @inlined
 def eigenvalues_of_two(matrix: FloatArray, k: int) -> tuple[complex, complex]:
-    """Eigenvalues of the two rows from one on."""
+    """Eigenvalues of the two rows from one on, that above the real axis first."""
     half = 0.5 * (matrix[k, k] - matrix[k + 1, k + 1])
-    coupled = matrix[k, k + 1] * matrix[k + 1, k]
-    square = half * half + coupled
+    square, middle = half * half + matrix[k, k + 1] * matrix[k + 1, k], matrix[k + 1, k + 1] + half
     root = math.sqrt(abs(square))
     if square < 0.0:
-        middle = matrix[k + 1, k + 1] + half
         return complex(middle, root), complex(middle, -root)
-    far = half + math.copysign(root, half)
-    near = -coupled / far if far != 0.0 else 0.0
-    return complex(matrix[k + 1, k + 1] + far, 0.0), complex(matrix[k + 1, k + 1] + near, 0.0)
+    return complex(middle + root, 0.0), complex(middle - root, 0.0)
 
 
 @inlined
