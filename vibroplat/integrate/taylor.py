@@ -40,8 +40,8 @@ class TaylorEngine:
     """Taylor series of high order, driven in compiled code."""
 
     name = "taylor"
-    #: Few enough to stay in the processor's cache (0.4 MB at tolerance 1e-6) until they are read; 512 take 8 % longer.
-    rows = 192
+    #: Few enough to stay in the processor's cache (0.3 MB at tolerance 1e-6) until they are read; 512 take 8 % longer.
+    rows = 128
     #: A restart costs nothing, and angles lose digits as they grow.
     turns_per_segment: float = 10
 

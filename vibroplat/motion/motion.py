@@ -110,8 +110,8 @@ class Simulator:
         self._interval = interval_at(self._intervals, time)
         supply(p, scene, self._interval)
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
-        self.beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
+        self.beginning = record_words(self.automaton.run).copy().view(self._run.dtype)[0]  # numpy copies words faster
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "systems")}
         self.held_parameters = (
