@@ -66,13 +66,16 @@ PARAMETERS = np.dtype(
     align=True,
 )
 
+#: The type of its records.
+_RECORD = np.dtype((np.record, PARAMETERS))
+
 IMPACT_LAWS = ("conservative", "central", "printed")
 CONSERVATIVE, CENTRAL, PRINTED = range(3)
 
 
 def blank_record() -> Parameters:
     """Make a record of zeros: the element of an array of one, its ``base``, which has an address."""
-    record: Parameters = np.zeros(1, PARAMETERS).view(np.recarray)[0]
+    record: Parameters = np.zeros(1, _RECORD)[0]
     return record
 
 
