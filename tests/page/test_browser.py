@@ -148,7 +148,7 @@ def test_all_figures_are_drawn(visit):
         """[...document.querySelectorAll('.plot')].map(plot => [...plot.querySelectorAll('.curve, .band, .dots')]
         .some(path => path.getBBox().width + path.getBBox().height > 0))""",
     )
-    assert len(drawn) > 20
+    assert len(drawn) > 10
     assert all(drawn)
 
 
@@ -216,7 +216,7 @@ def test_the_readout_names_every_curve_with_its_value_and_unit(visit):
     low, high = (float(end) for end in js(page, f"{name}.dataset.y").split()[:2])
     mouse(page, "mouseMoved", *place_in(page, CURVE, 0.5, 0.5))
     told = eventually(lambda: js(page, READ), bool)
-    assert re.search(r"^[\d.]+ ms", told)
+    assert re.search(r"^[\d.]+ s", told)
     assert re.search(r"underside of the material −?[\d.]+ mm", told)
     value = float(re.search(r"platform (−?[\d.]+) mm", told).group(1).replace("−", "-"))
     points = js(

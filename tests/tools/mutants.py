@@ -63,7 +63,6 @@ BY_ROOM = [
         "good = (worst <= greater(s.noise, MAX_DEFECT)) → good = (worst <= greater(s.noise, 1e9))",
         "stop, status.resting = AT_TARGET, -1\n            length *= crossing(c, degree, 3, target, angle) → stop, status.resting = AT_TARGET, -1",
         "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
-        "share - away / (rate * length) → share",
     ]),
     # what is observed
     ("observe motion", [

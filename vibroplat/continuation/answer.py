@@ -32,7 +32,7 @@ def answer_of(
     """Return what is printed of orbits; ``rotation`` is that of the exciters, "" if it varies."""
     branches = tables["branches"]
     return Answer(
-        _overview(branches.assign(rotation=rotation), summary),
+        _overview(branches, summary, rotation),
         [*_text(plan, tables["special"], summary)],
         failures=_failures(summary),
         headline=_headline(plan, branches, summary),
@@ -53,13 +53,13 @@ def _headline(plan: OrbitsPlan, table: pd.DataFrame, summary: Mapping[str, Any])
 
 def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Iterator[str]:
     """Yield a table: for each combination of the grid's values where orbits of each synchronization are stable."""
-    branches, special = tables["branches"], tables["special"]
-    keys, key = [column_of(name) for name in _varied_keys(plan)], column_of(plan.key)
-    stable = branches[branches["stable"]]
+    keys, key, special = [column_of(name) for name in _varied_keys(plan)], column_of(plan.key), tables["special"]
+    branches = tables["branches"][[*keys, "branch", "point", key, "stable", "sync"]]
+    stable = branches.loc[branches["stable"], "sync"]
     if stable.empty:
         yield "no orbit is stable"
         return
-    counts = stable["sync"].value_counts()
+    counts = stable.value_counts()
     kinds = counts.index[:MAX_KINDS]
     groups = list(branches.groupby(keys, sort=False)) if keys else [((), branches)]
     columns = {f"stable at {axis_label(key)}": [", ".join(map(value_words, keys, at)) for at, _ in groups]}
@@ -153,11 +153,11 @@ def _failures(summary: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _overview(table: pd.DataFrame, summary: Mapping[str, Any]) -> dict[str, str]:
+def _overview(table: pd.DataFrame, summary: Mapping[str, Any], rotation: str) -> dict[str, str]:
     """Summarize branches in a few lines: label and text."""
     frequency, height = table["excitation_frequency_hz"], table["rms_y_m"]
     return {
-        "synchronization": synchronizations(table),
+        "synchronization": synchronizations(table[["sync"]].assign(rotation=rotation)),
         "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(len(table), 1):.1f} per point",
         "excitation frequency": interval(frequency.min(), frequency.max(), "Hz"),
         "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",

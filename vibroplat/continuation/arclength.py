@@ -212,29 +212,31 @@ def predict(
         The polynomial through the points with their tangents (Hermite), and that through their Jacobians (Lagrange).
     """
     first = points[0]
-    used, distances = [first], [float((first.u - origin) @ direction)]
-    apart = MIN_SPACING * abs(distance - distances[0])
+    here = float((first.u - origin) @ direction)
+    used, apart = [(first, here, float(first.tangent @ direction))], MIN_SPACING * abs(distance - here)
     for point in points[1:]:
         alike = point.chart is first.chart and point.event_sequence == first.event_sequence
-        if len(used) == MAX_KNOWN_POINTS or not alike or point.tangent @ direction < MIN_COSINE:
+        if len(used) == MAX_KNOWN_POINTS or not alike:
+            break
+        cosine = float(point.tangent @ direction)
+        if cosine < MIN_COSINE:
             break
         here = float((point.u - origin) @ direction)
-        if min(abs(here - p) for p in distances) > apart:
-            used.append(point)
-            distances.append(here)
+        if all(abs(here - other) > apart for _, other, _ in used):
+            used.append((point, here, cosine))
     weights, slopes = np.zeros((2, len(used)))
     jacobian = np.zeros(first.jacobian.shape)
-    for i, (point, here) in enumerate(zip(used, distances, strict=True)):
+    for i, (point, here, cosine) in enumerate(used):
         away, weight, steepness = distance - here, 1.0, 0.0
-        for other in distances:
+        for _, other, _ in used:
             if other != here:
                 weight *= (distance - other) / (here - other)
                 steepness += 1.0 / (here - other)
         weights[i] = weight**2 * (1.0 - 2.0 * away * steepness)
-        slopes[i] = weight**2 * away / float(point.tangent @ direction)
+        slopes[i] = weight**2 * away / cosine
         jacobian += weight * point.jacobian
-    u = weights @ np.array([point.u for point in used]) + slopes @ np.array([point.tangent for point in used])
-    return u, jacobian
+    states, tangents = np.array([point.u for point, _, _ in used]), np.array([point.tangent for point, _, _ in used])
+    return weights @ states + slopes @ tangents, jacobian
 
 
 def step_over_grazing(problem: Problem, before: OrbitPoint, last: OrbitPoint) -> OrbitPoint:

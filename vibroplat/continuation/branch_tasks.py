@@ -77,44 +77,65 @@ class KnownPoints(NamedTuple):
     others: Sequence[tuple[int, Sequence[Record]]]
     own: Sequence[Record]
 
-    def find_revisit(self, row: Record, own: Sequence[Record], values: Sequence[FloatArray]) -> str:
-        """Say in which way a branch has passed a new point before, its ``own`` ones so far; empty if it has not.
 
-        ``values`` are those of the key at the points of each other branch, then at own points.
-        """
-        *of_others, of_own = values
-        for (number, former), at in zip(self.others, of_others, strict=True):
-            mirrored = _find_pass(row, former, at)
-            if mirrored is not None:
-                return f"{'mirror image of' if mirrored else 'joins'} branch {number}"
-        own = own[:-2]
-        mirrored = _find_pass(row, own, of_own[:-2])
-        if mirrored is None:
+#: Between the points of two branches: it lies on no side of any point.
+_NOWHERE: Record = {"value": math.nan}
+
+
+class PassedPoints:
+    """Points that were passed before: those of the other branches, and own ones, for which there is some room.
+
+    Attributes
+    ----------
+    own
+        Points of this branch.
+    """
+
+    def __init__(self, known: KnownPoints, room: int) -> None:
+        self.own = [*known.own]
+        self._others, self._numbers = list[Record](), list[int]()
+        for number, former in known.others:
+            self._others += [*former, _NOWHERE]
+            self._numbers += [number] * (len(former) + 1)
+        values = [point["value"] for point in (*self._others, *self.own)]
+        self._values: FloatArray = np.array([*values, *[math.nan] * room])
+
+    def add(self, row: Record) -> None:
+        """Add an own point."""
+        self._values[len(self._others) + len(self.own)] = row["value"]
+        self.own.append(row)
+
+    def find_revisit(self, row: Record) -> str:
+        """Say in which way a branch has passed a new point before; empty if it has not."""
+        own = self.own[:-2]
+        former = self._others + own
+        found = _find_pass(row, former, self._values[: len(former)])
+        if found is None:
             return ""
+        place, mirrored = found
+        if place < len(self._others):
+            return f"{'mirror image of' if mirrored else 'joins'} branch {self._numbers[place]}"
         last = own[-CORNER_POINTS:]
-        back = not mirrored and _find_pass(row, last, _values(last)) is not None
+        back = not mirrored and _find_pass(row, last, np.array([point["value"] for point in last])) is not None
         return TURNED_BACK if back else "mirror image" if mirrored else "loop"
 
 
-def _values(rows: Sequence[Record]) -> FloatArray:
-    """Values of the key at some points."""
-    return np.array([row["value"] for row in rows], dtype=float)
-
-
-def _find_pass(row: Record, former: Sequence[Record], values: FloatArray) -> bool | None:
-    """Whether a branch has passed a point: None if not, else whether as its mirror image."""
+def _find_pass(row: Record, former: Sequence[Record], values: FloatArray) -> tuple[int, bool] | None:
+    """Where a branch has passed a point, and whether as its mirror image; None if it has not."""
     beyond = values - row["value"]
     for i in (beyond[:-1] * beyond[1:] <= 0.0).nonzero()[0].tolist():
         first, second = former[i], former[i + 1]
         if row["period"] != first["period"] or row["sequence"] not in (first["sequence"], second["sequence"]):
             continue
         low, high = sorted((first["value"], second["value"]))
-        thirds = [p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if not low <= p["value"] <= high]
+        thirds = [
+            p for p in (*former[max(i - 1, 0) : i], *former[i + 2 : i + 3]) if p["value"] < low or p["value"] > high
+        ]
         ways = [[first, second], *([first, second, third] for third in thirds)]
         if any(all(_near(row, *alike, known) for alike in DEVIATIONS.items()) for known in ways):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
             apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
-            return bool(mirrored < apart - 1e-6)
+            return i, bool(mirrored < apart - 1e-6)
     return None
 
 
@@ -152,8 +173,9 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
     except (NoConvergenceError, OrbitError) as error:
         return record | {"ended": str(error), "failed": True}
     taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
-    limit, own = min(POINTS_PER_TASK, plan.max_points - len(known.own)), [*known.own]
-    values, at_own = [_values(former) for _, former in known.others], np.append(_values(own), np.empty(limit))
+    limit = min(POINTS_PER_TASK, plan.max_points - len(known.own))
+    passed = PassedPoints(known, limit)
+    own = passed.own
 
     def look(before: OrbitPoint, after: OrbitPoint, strictly: bool) -> None:
         step[:] = before, after
@@ -175,12 +197,11 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
         """Take the last point, unless it was passed before: then the branch ends."""
         point, turns = branch.points[-1], shooter.take_turns()
         marks = _marks_of(branch.problem, point)
-        again = known.find_revisit(marks, own, [*values, at_own[: len(own)]])
+        again = passed.find_revisit(marks)
         record["ended"], record["failed"] = again or branch.ended, again == TURNED_BACK
         if not again:
             taken.append((point, turns))
-            at_own[len(own)] = marks["value"]
-            own.append(marks)
+            passed.add(marks)
 
     if begin is None or begin["new"]:
         take()

@@ -94,8 +94,11 @@ class NewtonResult:
 
     @cached_property
     def _stability(self) -> tuple[npt.NDArray[np.complex128], Stability]:
-        multipliers = np.linalg.eigvals(self.chart.section_map(self.shot)).astype(complex)
-        return multipliers, stability(multipliers)  # which sorts them
+        multipliers = np.empty(self.chart.places.size - 1, complex)
+        found = stability(self.chart.section_map(self.shot), multipliers)
+        if multipliers.size and math.isnan(multipliers[0].real):
+            raise NoConvergenceError("the multipliers are not finite")
+        return multipliers, found
 
     @cached_property
     def event_sequence(self) -> str:
@@ -320,11 +323,11 @@ def correct(
             why, reason = RAISED, f"no scene has these values: {error}"
         if why != CONVERGED or shooter.has_room():
             break
-    residuals, (state, period, _) = [r for r in search.residuals.tolist() if r >= 0.0], chart.unpack(search.u)
+    residuals, period = [r for r in search.residuals.tolist() if r >= 0.0], float(search.u[chart.phase]) / chart.speed
     if why != CONVERGED:
         reason = reason or _reason(shooter.motion, why, period, max_iterations)
         raise NoConvergenceError(reason, residuals, section=why in (CLOSED, OTHER_MODE))
-    shot = shooter.last_shot(state, period, full=True, measured=True)
+    shot = shooter.last_shot(period, full=True, measured=True)
     return NewtonResult(chart, search.u, shot, search.jacobian, search.residual, residuals, float(search.much[0]))
 
 

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property, lru_cache, partial
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -27,7 +27,7 @@ from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import NO_COURSE, course_of, flat, with_values
 from vibroplat.model.systems import SYSTEMS
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.measures import WITH_EXTREMES
+from vibroplat.observe.measures import WITH_EXTREMES, Accumulators
 from vibroplat.observe.orbits import newton
 from vibroplat.observe.shots import (
     ADVANCE,
@@ -77,8 +77,8 @@ class Shot:
     rates, derivative
         Rates of the state, shape (14,), and its derivative by the start and by the keys, shape (14, 14 + keys);
         None if they were not asked for.
-    part, pieces
-        What was measured, and system, beginning and end (s) of each piece between events; if it was asked for.
+    measure, pieces
+        Views what was measured, and system, beginning and end (s) of each piece between events; if it was asked for.
     least_force, least_gap
         Least F_c (N) of contact and least gap (m) at a turning point in flight; inf without one.
     """
@@ -93,7 +93,7 @@ class Shot:
     restitution: float
     rates: FloatArray | None = None
     derivative: FloatArray | None = None
-    part: MeasuredInterval | None = None
+    measure: Callable[[], MeasuredInterval] | None = None
     pieces: Sequence[tuple[int, float, float]] = ()
     least_force: float = math.inf
     least_gap: float = math.inf
@@ -110,9 +110,14 @@ class Shot:
         return _shorten(letters, self.restitution)
 
     @cached_property
+    def part(self) -> MeasuredInterval:
+        """What was measured."""
+        assert self.measure is not None
+        return self.measure()
+
+    @cached_property
     def known(self) -> Known:
         """Extremes and statistics of what was measured; see :func:`vibroplat.observe.summary.known_of`."""
-        assert self.part is not None
         return known_of(self.part.measures)
 
     @property
@@ -184,6 +189,12 @@ def _shorten(word: str, restitution: float) -> str:
 def event_sequence_text(word: str) -> str:
     """Write a word out for a table."""
     return " ".join(EVENT_NAMES[letter] for letter in word) or "none"
+
+
+def _view_measured(record: npt.NDArray[np.void], like: Accumulators, energies: list[list[float]]) -> MeasuredInterval:
+    """View what a shot has left as measures like others, with the energies of its ends."""
+    before, after = (Energies(*numbers) for numbers in energies)
+    return MeasuredInterval(unpacked(record, like), before, after)
 
 
 class _Kernels:
@@ -375,7 +386,7 @@ class Shooter:
         while True:
             self.call(self.kernels.shoot, start, duration, full, measured, events)
             if self.has_room():
-                return self.last_shot(start, duration, full=full, measured=measured)
+                return self.last_shot(duration, full=full, measured=measured)
 
     def call(self, kernel: Callable[..., T], *arguments: Any) -> T:
         """Call a compiled function that takes shots, of their records and of these arguments."""
@@ -391,17 +402,16 @@ class Shooter:
         self.records = self.records._replace(events=np.zeros(2 * events, EVENT), pieces=np.empty(2 * pieces, PART))
         return False
 
-    def last_shot(self, start: FloatArray, duration: float, *, full: bool, measured: bool) -> Shot:
-        """Copy what the last shot has left, which began at a full state."""
+    def last_shot(self, duration: float, *, full: bool, measured: bool) -> Shot:
+        """Copy what the last shot has left."""
         records, motion = self.records, self.motion
         begins, ends, events, pieces, _ = records.shot.item()
         h, state, happened = motion.automaton, records.end.copy(), records.events[:events].copy()
         restitution = float(h.p["restitution"])
         shot = Shot(state, begins, ends, duration, motion.outcome, motion.detail, happened, restitution)
         if measured:
-            before, after = (Energies.of(at, h.p) for at in (start, h.run["state"]))
-            numbers = records.measured.copy().view(self._measured.dtype)
-            shot.part = MeasuredInterval(unpacked(numbers, self._statistics.measures), before, after)
+            record = np.ndarray(1, self._measured.dtype, records.measured.copy())  # a view would be checked in Python
+            shot.measure = partial(_view_measured, record, self._statistics.measures, records.energies.tolist())
         if full:
             shot.derivative, shot.rates = self._variation.arrived, self._variation.rates
             shot.pieces = records.pieces[:pieces].tolist()

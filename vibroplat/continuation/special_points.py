@@ -27,11 +27,11 @@ from vibroplat.continuation.newton import (
     add_border,
     correct,
     length_of,
-    solve,
+    solve_determined,
 )
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.linear import eliminate
+from vibroplat.kernels.linear import bordered_determinant
 from vibroplat.observe.multipliers import Stability
 from vibroplat.observe.orbits import Chart
 from vibroplat.results.labels import SPECIAL_POINTS
@@ -82,7 +82,7 @@ class OrbitPoint(NewtonResult):
     @cached_property
     def branching(self) -> float:
         """Determinant of the Jacobian with the tangent, which changes its sign where branches cross."""
-        return eliminate(add_border(self.jacobian, self.tangent), np.zeros(self.u.size))
+        return bordered_determinant(self.jacobian, self.tangent, np.empty(self.u.size))
 
 
 #: Functions of points.
@@ -142,9 +142,9 @@ class SpecialPoint:
 
 def tangent_of(jacobian: FloatArray, near: FloatArray) -> FloatArray:
     """Direction of length 1 in which the residual does not change, on the side of a given one."""
-    right = np.zeros(near.size)
-    right[-1] = 1.0
-    tangent = solve(add_border(jacobian, near), right, MAX_TANGENT_RATIO)
+    tangent = np.empty(near.size)
+    if not abs(bordered_determinant(jacobian, near, tangent)) > 0.0 or length_of(tangent) > MAX_TANGENT_RATIO:
+        tangent = solve_determined(add_border(jacobian, near), np.eye(near.size)[-1])
     return np.asarray(tangent / length_of(tangent))
 
 

@@ -287,10 +287,10 @@ def force_spread(scene: Scene) -> float:
 
     With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
     """
-    machine, scales = scene.machine, state_scales(scene)
+    machine, scales = scene.machine, scene.state_scales
     lower, upper = scene.layer_masses
     stiffness, damping = scene.layer_spring
-    rates = RATE_TOLERANCE_RATIO * scales[7:]
+    rates = [RATE_TOLERANCE_RATIO * scale for scale in scales[7:]]
     layers = upper * (stiffness * scales[6] + damping * rates[6])
     springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
     motors = max(scene.unbalances) * scene.fastest_decay * rates[3]

@@ -17,7 +17,7 @@ from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS, Form, guard_form
 from vibroplat.hybrid.resets import cut_piece
-from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, Steps, end_at, rewind
+from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, end_at, rewind
 from vibroplat.integrate.multistep import (
     PreviousStep,
     add_step,
@@ -182,9 +182,6 @@ SLIDING_CALLBACKS = sliding_residual, sliding_jacobian
 
 #: Addresses of IDAGetDky, of a solver's memory and of its vectors: what interpolates in its last step.
 Inside = tuple[int, int, int, int]
-
-#: The angle of exciter 1 as a form.
-ANGLE = (3, 1.0, 3, 0.0)
 
 IntArray = npt.NDArray[np.int64]
 Records = npt.NDArray[np.void]
@@ -364,15 +361,11 @@ def end_within(h: Automaton, root_found: bool, inside: Inside, y: FloatArray, yp
     target, row = run.target - run.turns[0], steps.used.steps - 1
     system = run.systems[run.mode]
     stop, share = any_stop(h, GUARDS[system], root_found, target, y, yp)
-    if stop == AT_TARGET:
-        share = interpolate_where(ANGLE, target, share, steps, inside, y, yp)
-        y[3] = target
-    elif stop == AT_GUARD and SLIDES[system]:
-        share = interpolate_where(guard_form(system, run.fallen, h.p), 0.0, share, steps, inside, y, yp)
-    elif stop == AT_GUARD and not root_found:
+    if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
         # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
         interpolate_at(steps.start[row] + share * steps.length[row], inside)
-    if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
+        if stop == AT_TARGET:
+            y[3] = target  # but for an error far within the tolerance
         end_at(steps, row, share, y)
     return stop
 
@@ -384,27 +377,6 @@ def may_fall(form: Form, c: FloatArray, row: int, y: FloatArray, yp: FloatArray)
     if weight * y[first] + other * y[second] < 0.0:
         return True
     return weight * c[row, 1, first] + other * c[row, 1, second] < 0.0 < weight * yp[first] + other * yp[second]
-
-
-@compiled
-def interpolate_where(
-    form: Form, value: float, share: float, steps: Steps, inside: Inside, y: FloatArray, yp: FloatArray
-) -> float:
-    """Go to where the integrator says that a linear form of unknowns has a value, near a fraction of the last step.
-
-    Returns the fraction there. The step's own polynomial has this value elsewhere, by as much as the tolerance allows.
-    """
-    first, weight, second, other = form
-    row = steps.used.steps - 1
-    start, length = steps.start[row], steps.length[row]
-    interpolate_at(start + share * length, inside)
-    for _ in range(2):
-        rate = weight * yp[first] + other * yp[second]
-        if rate != 0.0:
-            away = weight * y[first] + other * y[second] - value
-            share = min(max(share - away / (rate * length), 0.0), 1.0)
-        interpolate_at(start + share * length, inside)
-    return share
 
 
 @compiled

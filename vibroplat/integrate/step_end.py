@@ -49,7 +49,7 @@ STATUS = np.dtype(
 
 def statuses(width: int) -> Any:
     """Make what the engine remembers of so many motions, each in lines of the processor's cache."""
-    return in_lines((width, STATUS.itemsize // 8)).view(STATUS).reshape(width)
+    return in_lines((width,), STATUS)
 
 
 @inlined

@@ -40,8 +40,8 @@ class TaylorEngine:
     """Taylor series of high order, driven in compiled code."""
 
     name = "taylor"
-    #: Few enough to stay in the processor's cache (0.4 MB at tolerance 1e-6) until they are read; 512 take 8 % longer.
-    rows = 192
+    #: Few enough to stay in the processor's cache (0.3 MB at tolerance 1e-6) until they are read; 512 take 8 % longer.
+    rows = 128
     #: A restart costs nothing, and angles lose digits as they grow.
     turns_per_segment: float = 10
 
@@ -49,7 +49,6 @@ class TaylorEngine:
         self.degree = degree_of(scene.solver.tolerance)
         self.max_steps = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._p = p  # not a copy: a drive's program changes it in place
-        self._carry = same_types(carry)
         self._h: Automaton | None = None
         self._groups: list[Group] = []  # of several motions, the last of one
 
@@ -76,7 +75,8 @@ class TaylorEngine:
 
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
-        self._carry(self._group_of(h))
+        group = self._group_of(h)
+        _carry[group.moving](group)
 
     def compiled_loop(self, h: Automaton) -> Callee:
         """Return what :meth:`advance` calls."""
@@ -115,6 +115,10 @@ def carry(owned_g: Group) -> None:
     used = owned_g.used[0]
     used.steps = used.first = used.pieces = 0
     run_lanes(owned_g)
+
+
+#: Groups have one of two types, without transport and with it.
+_carry = {moving: same_types(carry) for moving in (None, True)}
 
 
 @compiled

@@ -11,6 +11,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
@@ -27,12 +28,16 @@ _BYTES = 8
 LINE = 64  # bytes of a line of the processor's cache
 
 
-def in_lines(shape: tuple[int, ...]) -> FloatArray:
-    """Make an array of zeros that begins with a line of the processor's cache: its rows are loaded faster."""
-    size = math.prod(shape)
-    whole = np.zeros(size + LINE // _BYTES)
-    first = -(whole.ctypes.data // _BYTES) % (LINE // _BYTES)
-    return whole[first : first + size].reshape(shape)
+_NUMBER = np.dtype(float)
+
+
+def in_lines(shape: tuple[int, ...], kind: np.dtype[Any] = _NUMBER) -> npt.NDArray[Any]:
+    """Make an array of zeros that begins with a line of the processor's cache: its rows are loaded faster.
+
+    Its elements are numbers, or records of a ``kind``.
+    """
+    whole = np.zeros(math.prod(shape) * kind.itemsize + LINE, np.uint8)
+    return np.ndarray(shape, kind, whole, -whole.ctypes.data % LINE)
 
 
 class Rows:

@@ -86,6 +86,22 @@ def eliminate(matrix: FloatArray, right: FloatArray) -> float:
 
 
 @compiled
+def bordered_determinant(matrix: FloatArray, border: FloatArray, solution: FloatArray) -> float:
+    """Solve for what a matrix with one column more than rows turns to 0, and whose product with a border is 1.
+
+    Returns the determinant of the matrix with the border as its last row; where it is 0, there is no solution.
+    """
+    n = border.size
+    bordered = np.empty((n, n))
+    for j in range(n):
+        for i in range(n - 1):
+            bordered[i, j] = matrix[i, j]
+        bordered[n - 1, j], solution[j] = border[j], 0.0
+    solution[n - 1] = 1.0
+    return eliminate(bordered, solution)
+
+
+@compiled
 def condense(jac: FloatArray, cj: float, dynamic: FloatArray, condensed: FloatArray) -> bool:
     """Prepare solutions of Newton's system of n coordinates q, their rates v, and F_c where it is unknown.
 

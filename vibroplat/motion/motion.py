@@ -40,6 +40,8 @@ OUTCOMES = {
 }
 
 _TURN = 2.0 * math.pi
+#: All motions have automata of the same types.
+_first_mode, _rewind = same_types(first_mode), same_types(rewind)
 
 
 class Observer(Protocol):
@@ -108,8 +110,8 @@ class Simulator:
         self._interval = interval_at(self._intervals, time)
         supply(p, scene, self._interval)
         self.automaton = automaton(scene, p, steps, engine.turns_per_segment, state, time)
-        self.beginning = self.automaton.run.copy()
         self._run = np.asarray(self.automaton.run).reshape(1)
+        self.beginning = record_words(self.automaton.run).copy().view(self._run.dtype)[0]  # numpy copies words faster
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "systems")}
         self.held_parameters = (
@@ -117,8 +119,7 @@ class Simulator:
             record_words(self.automaton.p),
             record_words(self.automaton.inelastic),
         )
-        self._first_mode, self._rewind = same_types(first_mode), same_types(rewind)
-        self._first_mode(self.automaton)
+        _first_mode(self.automaton)
         if mode is Mode.FLIGHT and self._field["mode"][0] != mode:  # it has just lifted off: gap and its rate are 0
             self._run["mode"], self._run["zeros"] = mode, 2
         if mode is not None:
@@ -152,7 +153,7 @@ class Simulator:
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
-        self._first_mode(self.automaton)
+        _first_mode(self.automaton)
 
     def beginnings(self, states: FloatArray) -> npt.NDArray[np.void]:
         """Return records of :data:`vibroplat.hybrid.state.RUN` of motions from full states, shape (motions, 14)."""
@@ -168,7 +169,7 @@ class Simulator:
 
     def find_mode(self) -> None:
         """Find the mode of the present state, as at the beginning of a motion."""
-        self._first_mode(self.automaton)
+        _first_mode(self.automaton)
 
     def _change_supply(self) -> None:
         """Change the supply of the motors to that of the present, for all who hold the parameters."""
@@ -257,13 +258,13 @@ class Simulator:
                 (apply_supply_corner if self.scene.transport is None else apply_sliding_corner)(
                     h, self._interval.corner
                 )
-                self._rewind(h.steps)  # they have been read
+                _rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # an observer may have run out of memory
             h.run["end"] = end = min(time, self._interval.end)
             outcome[0] = hy.RUNNING
             while outcome.item() == hy.RUNNING:
-                self._rewind(h.steps)  # should memory run out before the engine does so
+                _rewind(h.steps)  # should memory run out before the engine does so
                 self.go_on()
                 self._tell(observers)
 

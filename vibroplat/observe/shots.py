@@ -26,6 +26,7 @@ from vibroplat.kernels.compiled import (
     copy,
     inlined,
 )
+from vibroplat.model.energy import energies
 from vibroplat.model.parameters import record_words
 from vibroplat.model.sensitivity import Course, go_along
 from vibroplat.model.systems import FULL_SIZE, GAP
@@ -81,6 +82,8 @@ class ShotRecords(NamedTuple):
     statistics, blank, measured
         Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning, and
         now, as numbers, one part after the other.
+    energies
+        What :func:`vibroplat.model.energy.energies` says of both ends of a measured shot, shape (2, 5).
     events, pieces
         Room for records of :data:`vibroplat.hybrid.state.EVENT` and of :data:`PART`.
     shot, end
@@ -106,6 +109,7 @@ class ShotRecords(NamedTuple):
     statistics: Callee
     blank: FloatArray
     measured: FloatArray
+    energies: FloatArray
     events: npt.NDArray[np.void]
     pieces: npt.NDArray[np.void]
     shot: Any
@@ -148,6 +152,7 @@ def shot_records(
         statistics=statistics.callee(h),
         blank=measured.copy(),
         measured=measured,
+        energies=np.empty((2, 5)),
         events=np.zeros(ROOM, EVENT),
         pieces=np.empty(ROOM, PART),
         shot=np.zeros(1, SHOT)[0],
@@ -193,6 +198,7 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
         begin_full(k.variation)
     if measured:
         copy(k.blank, k.measured)
+        note_energies(k, 0)
     run.end, run.outcome = duration, RUNNING
     while run.outcome == RUNNING and advance(k):
         if full:
@@ -207,6 +213,8 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
             call_kernel(k.statistics.address, first + (h.steps, events) + others + (h.p,))  # noqa: RUF005
         run.events = 0
     leave(k)
+    if measured:
+        note_energies(k, 1)
     shot.ends = run.systems[run.mode]
     shot.turns += abs(k.end[3] - state[3]) / _TURN
     if full:
@@ -255,6 +263,14 @@ def leave(k: ShotRecords) -> None:
     copy(k.h.run.state, k.end)
     for i in range(2):
         k.end[3 + i] += k.h.run.turns[i]
+
+
+@inlined
+def note_energies(k: ShotRecords, end: int) -> None:
+    """Note the energies of the present state as those of an end."""
+    numbers = energies(k.h.run.state, k.h.p)
+    for i in range(len(numbers)):
+        k.energies[end, i] = numbers[i]
 
 
 @inlined

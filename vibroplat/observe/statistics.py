@@ -97,7 +97,7 @@ class Statistics:
     def __init__(
         self, window: float, points: int = SECTION_ROWS, named: int = 0, blocks: int = 1, scope: int = WHOLE_RUN
     ) -> None:
-        self._room = in_lines((ROOM.itemsize // 8,)).view(ROOM)[0]
+        self._room = in_lines((1,), ROOM)[0]
         self._room["named"] = named
         self.begin(window, points, blocks, scope)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -216,8 +217,10 @@ def _agreement(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[
 
 def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:
     """Yield the kinds of synchronization: rotation of the exciters, name and number of points."""
-    counts = table[["rotation", "sync"]].dropna().value_counts().reset_index()
-    yield from zip(counts["rotation"].astype(str), counts["sync"].astype(str), counts["count"], strict=True)
+    pairs = zip(table["rotation"].tolist(), table["sync"].tolist(), strict=True)
+    counts = Counter(pair for pair in pairs if all(isinstance(one, str) for one in pair))
+    for (rotation, sync), count in sorted(counts.items(), key=lambda entry: (-entry[1], entry[0])):
+        yield rotation, sync, count
 
 
 def _legend(good: pd.DataFrame) -> Iterator[str]:

@@ -217,4 +217,10 @@ def study_table(
     about = {name: meant.get(name) or Column(key_of(name).meaning) for name in columns}
     types: dict[Any, Any] = {name: TYPES[column.kind] for name, column in about.items()}
     types |= {key: pd.Series(values).dtype for key, values in (grid or {}).items()}
-    return add_descriptions(pd.DataFrame(rows, columns=list(columns)).astype(types), about)
+    values = {name: _typed([row.get(name, math.nan) for row in rows], types[name]) for name in columns}
+    return add_descriptions(pd.DataFrame(values, columns=list(columns)), about)
+
+
+def _typed(values: list[Any], kind: Any) -> Any:
+    """Return an array of one type of pandas; what numpy has by itself takes a tenth of the time."""
+    return np.array(values, kind) if kind in (TYPES[NUMBER], TYPES[FLAG]) else pd.array(values, dtype=kind)
