@@ -37,8 +37,8 @@ NEEDED = {
 def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
     """Return the headline of a sweep and the lines below it, from its tables."""
     key = str(points.columns[0])
-    needed = {*points.columns[: points.columns.get_loc("branch") + 1], *NEEDED}
-    points = points[[column for column in points if column in needed]]  # each part of the table copies all columns
+    place = [*points.columns[: list(points.columns).index("branch") + 1]]
+    points = points[[column for column in points if column in {*place, *NEEDED}]]  # each part copies all columns
     good = points[points["outcome"] == "ok"]
     first = f"{_counts(points)}, {range_text(key, points[key])}, {' and '.join(points['direction'].unique())}"
     if good[RMS].notna().sum() == 0:
