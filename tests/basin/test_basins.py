@@ -116,7 +116,7 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     shown = "\n".join(text.get_text() for text in figure.legends[0].get_texts())
     assert "antiphase, chaotic" in shown
     assert "beyond-model" in shown
-    assert figure.get_suptitle().replace("\n", " ").endswith("of 10 starts")
+    assert figure.get_suptitle().replace("\n", " ").endswith("of 10 initial conditions")
 
 
 @pytest.fixture(scope="module")
@@ -308,7 +308,7 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     starts, longest = 80, 3000
     box = {PHASE: [-math.pi, math.pi], SPEED: [0.0, 1.1]}
     keys = {"drive.supply_frequency_hz": frequency, "contact.restitution": restitution}
-    keys |= {"material.layers": 2, "contact.sticking_speed_m_per_s": 0.0}
+    keys |= {"material.layers": 2, "contact.restitution_threshold_m_per_s": 0.0}
     scene = scene_of(box, ratio, random=starts, max_turns=longest).replace(keys)
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
     with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as mapper:

@@ -20,7 +20,7 @@ EXCITER = (
     "mounted_on, rotation"
 )
 PLATE = "rated_power_w: 1500, breakdown_ratio: 2.6, rated_frequency_hz: 50"
-INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
+INITIAL = "phase_difference_rad, phi1_rad, speed_ratio, state, from"
 NAME = "letters, digits and . _ + -, starting with a letter or digit"
 SECTION = "a section of keys and values"
 THIN = "material: {mass_ratio: 0.2, layers: 1}\n"
@@ -54,6 +54,10 @@ MESSAGES = {
         "points are orbits; `vibroplat orbits` gives their multipliers",
         "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now "
         "basins.initial_conditions (and 1 more)",
+        "run: {initial: {phase_sum_rad: 0}}": "unknown key run.initial.phase_sum_rad in line 1; it is now "
+        "run.initial.phase_difference_rad",
+        "orbits: {step: {least: 0}, key: x, start: 0, stop: 1}": "unknown key orbits.step.least in line 1; it was "
+        "removed: a branch ends where steps become smaller than 1e-8 of the range",
         "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",
     },
     "types": {
@@ -88,7 +92,7 @@ MESSAGES = {
         "synchronous speed; allowed with engine sundae: at most 5e+07",
         "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}": "sweep.measure_s = "
         "2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
-        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep: grid.contact.restitution = [nan]; "
+        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep.grid: contact.restitution = [nan]; "
         "allowed: numbers up to 1e+30",
         "name: ../up": f"name = '../up'; allowed: {NAME}, as name: up",
         'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}, as name: a-b",
@@ -118,8 +122,6 @@ MESSAGES = {
         "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}": "run.initial: " + both("state", "phi1_rad"),
         "run: {initial: {state: {y_m: 0}, from: x}}": "run.initial: " + both("state", "from"),
         "run: {initial: {from: x, phase_difference_rad: 0}}": "run.initial: " + both("from", "phase_difference_rad"),
-        "run: {initial: {phase_difference_rad: 0, phase_sum_rad: 0}}": "run.initial: "
-        + both("phase_difference_rad", "phase_sum_rad"),
         "drive: {supply_frequency_hz: 50, program: [{t_s: 0, supply_frequency_hz: 50}]}": "drive: "
         + both("supply_frequency_hz", "program"),
         program(f"{START}, exciter_1: off, off: true"): "drive.program.0: " + both("off", "exciter_1"),
@@ -143,8 +145,6 @@ MESSAGES = {
         "allowed: leave it out",
         f"{THIN}run: {{initial: {{state: {{upper_rate_m_per_s: 0.1}}}}}}": "run.initial.state.upper_rate_m_per_s = "
         "0.1 but this scene has no such coordinate; allowed: leave it out",
-        "exciters: [{}, {rotation: counter-clockwise}]\nrun: {initial: {phase_sum_rad: 1}}": "run.initial."
-        "phase_sum_rad = 1.0 but the exciters are co-rotating; allowed: phase_difference_rad",
     },
     "programs": {
         program(): "drive: program is empty; allowed: one entry or more",

@@ -117,7 +117,7 @@ def test_both_engines_agree_and_balance(changes):
 
 def test_slow_impacts_of_sliding_material_stick():
     scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
-    run = simulate(scene.replace({"contact": {"restitution": 0.4, "sticking_speed_m_per_s": 0.3}}))
+    run = simulate(scene.replace({"contact": {"restitution": 0.4, "restitution_threshold_m_per_s": 0.3}}))
     impacts = run.events[run.events["kind"] == "impact"]
     before, after = impacts["gap_rate_before_m_per_s"], impacts["gap_rate_after_m_per_s"]
     slow = before > -0.3

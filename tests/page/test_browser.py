@@ -349,7 +349,7 @@ def test_clicks_on_starts_values_and_designs_show_their_motion(visit, answered, 
     page = visit(write_report([answered[name]], tmp_path / "page.html", mover=orbit_motion))
     page.execute_script("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     titles = js(page, "[...document.querySelectorAll('.study h2')].map(box => box.firstChild.textContent.trim())")
-    drawn = {"basins": ["Basins"], "over": ["Shares", "Basins"], "thresholds": ["Thresholds"]}
+    drawn = {"basins": ["Basins"], "over": ["Basin fractions", "Basins"], "thresholds": ["Thresholds"]}
     drawn |= {"design": ["Elasticities", "Tolerances"], "best": ["Elasticities", "Searches"]}
     assert titles == drawn[name]
     moving = "document.querySelectorAll('#picture-{} .orbit svg.machine').length"
