@@ -78,7 +78,7 @@ class NewtonOrbitDetector:
     def __init__(self, scene: Scene) -> None:
         self._shooter, self._turn = Shooter.borrow(with_orbit_tolerance(scene, TOLERANCE)), TURN / scene.speed_scale
         self.end_state: tuple[FloatArray, float] | None = None
-        self.near = self.near_unstable_orbit = False
+        self.near_unstable_orbit = False
         self._doubling, self._until = 0.0, 0.0  # of a distance, and until when it is not worth another look (s)
 
     def close(self) -> None:
@@ -104,15 +104,19 @@ class NewtonOrbitDetector:
         if len(points) <= BLOCK:
             return None
         self.end_state = motion.state, motion.now
-        return self._detect_at(points, 0)
+        return self._detect_at(_periods(points, 0))
 
     def detect(self, motion: Simulator, points: FloatArray, period: int) -> KnownOrbit | None:
         """Return the orbit that a motion is shown to converge to, with a period in which it contracts, or 0."""
         own = self._shooter.motion
         if motion.now < self._until:
             return None
+        self.near_unstable_orbit = False
+        periods = _periods(points, period)
+        if not periods:
+            return None
         own.reset(motion.state)
-        orbit = self._detect_at(points, period) if own.to_section(1, self._max_time(1)) else None
+        orbit = self._detect_at(periods) if own.to_section(1, self._max_time(1)) else None
         if self.near_unstable_orbit:
             self._until = motion.now + self._doubling
         return orbit
@@ -186,7 +190,7 @@ class NewtonOrbitDetector:
         periods = SETTLING + math.log(DEPARTURE / OFFSET) / math.log(around.spectral_radius)
         turns = max(math.ceil(min(around.turns * periods, MAX_TURNS)), MAX_PERIOD_TURNS + 2)
         points = self._section(state, turns)
-        return self._detect_at(points, around.turns) if len(points) > turns else None
+        return self._detect_at(_periods(points, around.turns)) if len(points) > turns else None
 
     def _section(self, state: FloatArray, turns: int) -> FloatArray:
         """Follow the shooter's motion from a full state for some turns; points of its section, in scales."""
@@ -195,19 +199,23 @@ class NewtonOrbitDetector:
         part = motion.advance_turns(turns, self._max_time(turns), scope=SECTION_POINTS)
         return section_points(part.measures, self._shooter.scene)
 
-    def _detect_at(self, points: FloatArray, period: int) -> KnownOrbit | None:
+    def _detect_at(self, periods: Iterable[int]) -> KnownOrbit | None:
         """Return the orbit that the shooter's motion converges to from where it is on the section."""
-        motion = self._shooter.motion
+        motion, judged = self._shooter.motion, set[int]()
         state, system = motion.state, motion.system.index
-        self.near = self.near_unstable_orbit = False
-        for turns in _periods(points, period):
+        self.near_unstable_orbit = False
+        for turns in periods:
             try:
                 problem, result = self._orbit_near(state, system, turns)
+                shortest, around = smallest_period(problem, result, turns), AttractionEllipsoid(result, turns)
+                if shortest in judged:
+                    continue
+                if shortest < turns and around.spectral_radius < 1.0:  # motion that swings may repeat later alone
+                    problem, result = self._orbit_near(around.state, around.system, shortest)
+                    around = AttractionEllipsoid(result, shortest)
             except NoConvergenceError:
                 continue
-            if smallest_period(problem, result, turns) < turns:
-                continue
-            around, self.near = AttractionEllipsoid(result, turns), True
+            judged.add(shortest)
             if around.spectral_radius > 1.0 - UNIT_CIRCLE_DISTANCE:
                 self.near_unstable_orbit = around.spectral_radius > 1.0 + UNSTABLE_MARGIN
                 self._doubling = (
@@ -269,18 +277,14 @@ class NewtonOrbitDetector:
         return 4.0 * (turns + 1) * self._turn
 
 
-def _periods(points: FloatArray, period: int) -> Iterator[int]:
-    """Yield what the period of a section may be: 1, that after which its last points are near, and a given one."""
+def _periods(points: FloatArray, period: int) -> list[int]:
+    """List what the period of a section may be: 1, that after which its last points are near, and a given one."""
     if len(points) < MAX_PERIOD_TURNS + 2:
-        return
+        return []
     near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, MAX_PERIOD_TURNS + 1)])
-    if near[0] < MAX_SEARCH_DISTANCE:
-        yield 1
     shortest = int(np.flatnonzero(near <= 2.0 * near.min())[0]) + 1
-    if shortest > 1 and near.min() < MAX_SEARCH_DISTANCE:
-        yield shortest
-    if period > 1 and period != shortest:
-        yield period
+    likely = [n for n in {1: None, shortest: None} if near[n - 1] < MAX_SEARCH_DISTANCE]
+    return [*likely, period] if period > 1 and period != shortest else likely
 
 
 def near_returns(points: FloatArray, longest: int) -> Iterator[tuple[int, int]]:

@@ -110,25 +110,35 @@ def offset_of(state: FloatArray, centre: FloatArray, place: int) -> float:
     return away
 
 
-def spreads(points: FloatArray, first: int = 1, last: int = MAX_PERIOD) -> FloatArray:
-    """Spread for each number of turns n from the first to the last, shape (last − first + 1,).
+@compiled
+def spread(points: FloatArray, turns: int, enough: float) -> float:
+    """Largest distance, in any coordinate, between points that are a multiple of some turns apart, the last one fixed.
 
-    A spread is the largest distance, in any coordinate, between points that are a multiple of n turns apart, the last
-    one fixed. It is inf if there are fewer than 2 n points.
+    Beyond ``enough`` it need not be the largest. It is inf if there are fewer than twice as many points.
     """
-    distances = np.full(last - first + 1, np.inf)
-    turns = np.arange(first, min(last, len(points) // 2) + 1)
-    if turns.size:
-        backwards = points[::-1]
-        same = np.arange(len(points)) % turns[:, np.newaxis]  # the last point of the same phase as each
-        distances[: turns.size] = np.abs(backwards - backwards[same]).max(axis=(1, 2))
+    last, largest = points.shape[0] - 1, 0.0
+    if points.shape[0] < 2 * turns:
+        return math.inf
+    for back in range(turns, points.shape[0]):
+        for place in range(points.shape[1]):
+            largest = max(largest, abs(points[last - back, place] - points[last - back % turns, place]))
+        if largest > enough:
+            break
+    return largest
+
+
+@compiled
+def spreads(points: FloatArray) -> FloatArray:
+    """Return the spread for each number of turns up to MAX_PERIOD, shape (MAX_PERIOD,); see :func:`spread`."""
+    distances = np.empty(MAX_PERIOD)
+    for n in range(MAX_PERIOD):
+        distances[n] = spread(points, n + 1, math.inf)
     return distances
 
 
 def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:
     """Smallest number of turns after which the section repeats within a tolerance, or 0."""
-    repeats = np.flatnonzero(spreads(points, first, last) <= tolerance)
-    return int(repeats[0]) + first if repeats.size else 0
+    return next((turns for turns in range(first, last + 1) if spread(points, turns, tolerance) <= tolerance), 0)
 
 
 def latest_period(points: FloatArray) -> int:

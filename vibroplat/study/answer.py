@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -27,17 +28,26 @@ MAIN_SYNCS = {"antiphase", "in-phase"}
 AGREE, EVEN = 0.01, 1e-6
 #: Column of the speed of material along the deck.
 CONVEYING_SPEED = "conveying_speed_m_per_s"
+#: Columns of points, after the keys and the branch, that the answer is made of.
+NEEDED = {
+    *("outcome", "sync", "rotation", "motion", "period", "coexisting", "flight_fraction", "motor_power_w"),
+    *(RMS, "rms_x_m", FORCE, PHASE_COLUMN, CONVEYING_SPEED),
+}
 
 
 def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[str]]:
     """Return the headline of a sweep and the lines below it, from its tables."""
     key = str(points.columns[0])
+    place = [*points.columns[: list(points.columns).index("branch") + 1]]
+    points = points[[column for column in points if column in {*place, *NEEDED}]]  # each part copies all columns
     good = points[points["outcome"] == "ok"]
     first = f"{_counts(points)}, {range_text(key, points[key])}, {' and '.join(points['direction'].unique())}"
     if good[RMS].notna().sum() == 0:
         return first, []
-    lines = [*_rows(points, bands, key), *_agreement(points, bands, key), *_legend(good), *_coexisting(good)]
-    headline, motions = f"{first}; {motions_text(good)}", motions_text(good)
+    ends: list[dict[Any, Any]] = bands.to_dict("records")
+    lines = [*_rows(points, ends, key), *_agreement(points, ends, key), *_legend(good), *_coexisting(good)]
+    motions = motions_text(good)
+    headline = f"{first}; {motions}"
     return (headline, lines) if len(headline) <= WIDTH else (first, [motions, *lines])
 
 
@@ -74,10 +84,11 @@ def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
         yield ", ".join(value_words(key, rows[key].iloc[0]) for key in varied), rows
 
 
-def _rows(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
+def _rows(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) -> Iterator[str]:
     """Yield a table: for each combination of the grid's values its jumps, lift-off and largest amplitude."""
     groups, values = list(_combinations(points)), points[key]
-    parts = [bands[bands["branch"].isin(rows["branch"].unique())] for _, rows in groups]
+    branches = [{*rows["branch"]} for _, rows in groups]
+    parts = [[band for band in bands if band["branch"] in own] for own in branches]
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
     both_ways = len(points["direction"].unique()) > 1
@@ -113,17 +124,18 @@ def by_columns(columns: Mapping[str, Sequence[str]], more: str) -> Iterator[str]
         yield f"and {counted(left, 'more combination')} of the grid: {more}"
 
 
-def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[float, float]]]]:
+def _changes(bands: Sequence[Mapping[Any, Any]], key: str) -> dict[str, dict[str, list[tuple[float, float]]]]:
     """Return the ends of the changes of a combination, by what changes as the key grows and by direction.
 
     These are changes of synchronization, whether the amplitude jumps there or not, and further jumps.
     """
     ends_of: dict[str, dict[str, list[tuple[float, float]]]] = {}
-    for _, rows in bands.groupby("branch", sort=False):
-        way, ends = str(rows["direction"].iloc[0]), (f"from_{key}", f"to_{key}")
+    for _, branch in itertools.groupby(bands, itemgetter("branch")):
+        rows, ends = list(branch), (f"from_{key}", f"to_{key}")
+        way = rows[0]["direction"]
         changes = [(one["name"], one[ends[1]], other["name"], other[ends[0]]) for one, other in _pairs(rows)]
-        jumps = rows[(rows["kind"] == "jump") & ~rows["name"].str.contains("→")]
-        changes += [("", begin, "", end) for begin, end in zip(jumps[ends[0]], jumps[ends[1]], strict=True)]
+        jumps = [row for row in rows if row["kind"] == "jump" and "→" not in row["name"]]
+        changes += [("", row[ends[0]], "", row[ends[1]]) for row in jumps]
         for before, begin, after, end in changes:
             names = (before, after) if begin < end else (after, before)
             name = " → ".join(names) if before else "jump"
@@ -131,10 +143,10 @@ def _changes(bands: pd.DataFrame, key: str) -> dict[str, dict[str, list[tuple[fl
     return ends_of
 
 
-def _pairs(rows: pd.DataFrame) -> Iterator[tuple[Any, Any]]:
+def _pairs(rows: Iterable[Mapping[Any, Any]]) -> Iterator[tuple[Any, Any]]:
     """Yield the bands on both sides of each change of synchronization; short of those between the two main ones."""
-    bands = [band for _, band in rows[rows["kind"] == "band"].iterrows()]
-    names = [str(band["name"]) for band in bands]
+    bands = [row for row in rows if row["kind"] == "band"]
+    names = [band["name"] for band in bands]
     between = [{*names[i - 1 : i + 2 : 2]} == MAIN_SYNCS for i in range(1, len(names) - 1)]
     chosen = [band for band, skipped in zip(bands, [False, *between, False][: len(bands)], strict=True) if not skipped]
     yield from itertools.pairwise(chosen)
@@ -163,25 +175,28 @@ def _has_material(points: pd.DataFrame) -> bool:
     return FORCE in points and bool(points[FORCE].notna().any())
 
 
-def _liftoff(rows: pd.DataFrame, bands: pd.DataFrame, key: str) -> str:
+def _liftoff(rows: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) -> str:
     """Write where material first lifts off as the key grows; whether it always or never does."""
     if not _has_material(rows):
         return "no material"
-    changes = bands[bands["kind"].isin(["liftoff", "flight-end"])]
-    if changes.empty:
+    changes = [
+        (band["kind"] == "liftoff", float(band[f"from_{key}"]), float(band[f"to_{key}"]))
+        for band in bands
+        if band["kind"] in ("liftoff", "flight-end")
+    ]
+    if not changes:
         return "everywhere" if rows["flight_fraction"].gt(0.0).any() else "never"
-    ends = changes[[f"from_{key}", f"to_{key}"]].astype(float)
-    grows = (changes["kind"] == "liftoff") == (ends.iloc[:, 0] < ends.iloc[:, 1])
-    starts = sorted((float(row.min()), float(row.max())) for _, row in ends[grows].iterrows())
+    starts = sorted((min(begin, end), max(begin, end)) for lifts, begin, end in changes if lifts == (begin < end))
     return _place(*starts[0], rows[key]) if starts else "from the start"
 
 
 def _largest(rows: pd.DataFrame, column: str, key: str) -> str:
     if rows[column].notna().sum() == 0:
         return MISSING
-    top = rows.sort_values(column, ascending=False, kind="stable").iloc[0]
-    way = f" {top['direction']}" if len(rows["direction"].unique()) > 1 else ""
-    return f"{quantity(top[column], unit_of(column))} at {given(float(top[key]))}{way}"
+    top = int(rows[column].argmax())
+    place, height, way = (rows[name].iloc[top] for name in (key, column, "direction"))
+    both = f" {way}" if len(rows["direction"].unique()) > 1 else ""
+    return f"{quantity(height, unit_of(column))} at {given(float(place))}{both}"
 
 
 def _step(values: pd.Series) -> float:
@@ -190,7 +205,7 @@ def _step(values: pd.Series) -> float:
     return float(steps[0]) if steps.size and np.ptp(steps) <= EVEN * steps.max() else 0.0
 
 
-def _agreement(points: pd.DataFrame, bands: pd.DataFrame, key: str) -> Iterator[str]:
+def _agreement(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) -> Iterator[str]:
     """Yield how far jumps are known, and whether both directions agree."""
     good = points[points["outcome"] == "ok"]
     step, unit, both_ways = _step(points[key]), unit_of(key), len(good["direction"].unique()) > 1

@@ -96,12 +96,8 @@ class OrbitDetector(Protocol):
         """Full state at the end of the first turns, shape (14,), and time that they took (s); None without them."""
 
     @property
-    def near(self) -> bool:
-        """Whether the motion was near an orbit when it was last looked for."""
-
-    @property
     def near_unstable_orbit(self) -> bool:
-        """Whether this orbit is unstable."""
+        """Whether the motion was near an orbit that is unstable when it was last looked for."""
 
     @property
     def work(self) -> Mapping[str, int | None]:
