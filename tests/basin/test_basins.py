@@ -5,7 +5,6 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from common.random_scenes import random_scene
 
@@ -20,8 +19,6 @@ from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import initial_state, state_scales, static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.study.classification import same_phase
-from vibroplat.study.pool import pool
-from vibroplat.study.store import Store
 
 PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
 GAP, CLOSING, RATE = (f"run.initial.state.{name}" for name in ("gap_m", "gap_rate_m_per_s", "phi1_rate_rad_per_s"))
@@ -133,26 +130,6 @@ def test_an_attractor_is_carried_from_a_platform_without_material(over):
     sags = [static_rest(scene.replace({"material.mass_ratio": ratio}))[6] for ratio in (0.05, 0.1)]
     assert tables.attractors["upper_m"].iloc[0] == 0.0
     assert tables.attractors["upper_m"].tolist()[1:] == pytest.approx(sags, rel=0.5)
-
-
-def test_interrupted_and_resumed_the_answer_over_a_key_is_the_same(over, tmp_path):
-    scene, whole = over
-    study = BasinsStudy(scene)
-
-    def interrupted(done, known):
-        if done == 6:
-            raise KeyboardInterrupt
-
-    def answered(progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool() as workers:
-            return dict(study.run(store, workers, progress).tables), store.reused
-
-    with pytest.raises(KeyboardInterrupt):
-        answered(interrupted)
-    tables, reused = answered(lambda done, known: None, resume=True)
-    assert reused > 0
-    for name, table in tables.items():
-        pd.testing.assert_frame_equal(table, getattr(whole, name), check_exact=True)
 
 
 def test_orbits_are_looked_for_after_chaos_too():

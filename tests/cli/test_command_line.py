@@ -179,18 +179,6 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     assert load(directory).answer.lines["measured"] == "nothing: the run ended before 0.500 s"
 
 
-def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_path):
-    done = command("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
-    assert done.code == 1
-    assert len(done.err.splitlines()) == 1
-    assert done.err.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad")
-    directory = tmp_path / "quickstart/run"
-    assert read_table(directory, "trajectory").empty
-    assert read_json(directory, "summary")["simulated_s"] == 0.0
-    told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to plot\n"
-    assert command("plot", directory) == (2, "", told)
-
-
 # -- provenance -----------------------------------------------------------------------------------------
 
 
@@ -221,13 +209,6 @@ def test_provenance_says_where_a_result_came_from(written):
         name: hashlib.sha256((written / "quickstart/run" / name).read_bytes()).hexdigest()
         for name in ("trajectory.parquet", "events.parquet", "summary.json")
     }
-
-
-def test_commit_is_none_outside_of_a_checkout(monkeypatch, tmp_path):
-    monkeypatch.setattr("vibroplat.results.provenance.__file__", str(tmp_path / "provenance.py"))
-    assert provenance(Scene(), "none")["git_commit"] is None
-    monkeypatch.setenv("PATH", "")
-    assert provenance(Scene(), "none")["git_commit"] is None
 
 
 def test_hash_is_that_of_what_is_simulated():

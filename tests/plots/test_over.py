@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 from common import handmade
-from common.pages import figures_of, page_of
 from common.places import QUICKSTART
-from matplotlib.colors import to_hex
 
 from vibroplat import load_config
 from vibroplat.errors import TableError, VibroplatError
@@ -127,21 +125,6 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     assert not any("liftoff: " in text for text in texts(drawn(place, "map")["map"].legends[0]))
 
 
-def test_a_map_shows_any_measure(write):
-    table = over(MASS, 0.1 * np.arange(8))
-    figure = drawn(write(table, "map"), "map", measure=["rms_y_m", "period"])["map"]
-    tiles = figure.axes[0].collections[0]
-    rows = table[table["direction"] == "up"].sort_values([LAW, MASS])
-    shown = np.ma.filled(np.ma.asarray(tiles.get_array(), dtype=float), np.nan).ravel()
-    assert shown == pytest.approx(1e3 * rows["rms_y_m"].to_numpy(), nan_ok=True)
-    assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:4:2]] == [
-        "RMS $y$, up",
-        "period, up",
-    ]
-    assert [axis.get_ylabel() for axis in figure.axes[4:]] == ["RMS $y$ (mm)", "period"]
-    assert to_hex(tiles.cmap(tiles.norm(np.nanmax(shown)))) == to_hex(tiles.cmap(1.0))
-
-
 def test_a_response_shows_any_measure(write):
     table = over(MASS, 0.1 * np.arange(8)).assign(foundation_force_y_max_n=np.arange(32.0))
     _, axis = drawn(write(table), "response", measure=["foundation_force_y_max_n"])["response"].axes
@@ -185,12 +168,3 @@ def test_the_only_values_of_keys_and_all_failed_points_are_drawn(write):
     axis = drawn(write(failed))["response"].axes[0]
     crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])
     assert sorted({*crosses}) == pytest.approx(0.1 * np.arange(8))
-
-
-def test_page_draws_points_over_the_key_first(write):
-    place = write(over(DAMPING, RATIOS))
-    figures = figures_of(page_of(place))
-    shown = figures["RMS y"]
-    assert shown.x_unit == "N·s/m"
-    assert shown.axes[0][2] == "log"
-    assert "restitution 0, damping along y up" in shown.names
