@@ -12,11 +12,6 @@ from vibroplat.results.result import Answer, Result
 
 KEYS = {"solver.engine": "taylor", "drive.supply_frequency_hz": 55.0, "material.mass_ratio": 0.1}
 MASS, RADIUS = "machine.platform_mass_kg", "machine.unbalance_radius_m"
-NAMES = (
-    *("platform_mass_kg", "platform_inertia_kg_m2", "unbalance_mass_kg", "unbalance_radius_m", "exciter_distance_m"),
-    *("stiffness_x_n_per_m", "stiffness_y_n_per_m", "stiffness_phi_n_m_per_rad", "damping_x_n_s_per_m"),
-    *("damping_y_n_s_per_m", "damping_phi_n_m_s_per_rad", "gravity_m_per_s2"),
-)
 BEST = {"keys": {MASS: [1.0, 2.0]}, "minimize": "motor_power_w", "constraints": {"rms_y_m": ">= 1e-3"}}
 LOST = "bound that nothing keeps"
 PLANS = {

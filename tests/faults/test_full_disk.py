@@ -7,14 +7,13 @@ import signal
 
 import pytest
 from common.commands import command, not_a_line
-from common.places import LOADED, SWEPT
+from common.places import LOADED
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
 RUN = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.3}}\n"
 #: A run whose tables are smaller than what is told of them.
 SPARSE = f"{RUN}output: {{sample_rate_hz: 1.0}}\nmaterial: {{mass_ratio: 0.0}}\n"
-SWEEP = f"{SWEPT}  lyapunov: false\n  kind: bifurcation\n"
 #: Exit codes of input or output that cannot be used, and of work that has failed.
 FAILED = (1, 2)
 

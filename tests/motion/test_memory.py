@@ -89,10 +89,6 @@ def test_memory_grows_neither_with_duration_nor_with_rows_nor_with_events(quicks
     assert peak(long) > little + 2_000_000
 
 
-#: What a process holds may grow by so much (bytes) after a tenth of the calls, which 200 numbers in each exceed.
-GROWTH = 8e6
-
-
 def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monkeypatch):
     monkeypatch.setattr("vibroplat.observe.tables.available", lambda: 4.0 * 2**30)
     scene = quickstart.replace({"run.duration_s": 1e4, "output.sample_rate_hz": 5000.0})

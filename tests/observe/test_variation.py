@@ -250,11 +250,6 @@ def test_with_a_stiff_layer(ratio):
     assert {"liftoff", "impact"} <= set(kinds)
 
 
-def determinant(scene, start, seconds):
-    places = list(state_places(scene).values())
-    return np.linalg.det(scaled(variation(scene, start, seconds), scene)[np.ix_(places, places)])
-
-
 @pytest.mark.parametrize(("layers", "engine"), [(1, "native"), (2, "taylor")])
 def test_inelastic_closing_loses_two_dimensions(layers, engine):
     """Gap and gap rate at the start are forgotten, and what follows, a liftoff too, brings nothing back."""

@@ -15,7 +15,6 @@ from vibroplat.page.report import write_report
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(bool(missing()), reason=missing())]
 
-HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
 WIDE, NARROW = (1400, 900), (390, 800)
 
 

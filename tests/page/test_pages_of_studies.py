@@ -290,20 +290,6 @@ def test_designs_have_elasticities_samples_and_searches_with_a_front(answered):
     assert any("Pareto front" in one.names for one in figures_of(searches).values())
 
 
-def test_orbits_of_designs_have_the_period_of_their_table(answered, tmp_path):
-    periods = set()
-
-    def seen(scene, row):
-        periods.add(row["period"])
-        raise VibroplatError("lost")
-
-    copy = changed(answered["best"], tmp_path / "copy", "evaluations", period=4)
-    text = page_of(copy, mover=seen)
-    assert periods == {4, 1}, "of searches, and of the front"
-    assert "without orbits" not in text
-    assert "without orbits" in page_of(copy)
-
-
 def test_a_search_that_finds_nothing_has_no_best_design(answered, tmp_path):
     copy = changed(answered["best"], tmp_path / "copy", "evaluations", feasible=False, best=False)
     data = data_of(page_of(copy, mover=lost), 1)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from common import handmade
 from common.places import QUICKSTART
+from matplotlib.colors import to_hex
 
 from vibroplat import load_config
 from vibroplat.errors import TableError, VibroplatError
@@ -123,6 +124,21 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     other = boundaries.rename(columns={DAMPING: MASS})
     write_result(beside, "orbits", handmade.origin("swept"), {"boundaries": other}, form="parquet")
     assert not any("liftoff: " in text for text in texts(drawn(place, "map")["map"].legends[0]))
+
+
+def test_a_map_shows_any_measure(write):
+    table = over(MASS, 0.1 * np.arange(8))
+    figure = drawn(write(table, "map"), "map", measure=["rms_y_m", "period"])["map"]
+    tiles = figure.axes[0].collections[0]
+    rows = table[table["direction"] == "up"].sort_values([LAW, MASS])
+    shown = np.ma.filled(np.ma.asarray(tiles.get_array(), dtype=float), np.nan).ravel()
+    assert shown == pytest.approx(1e3 * rows["rms_y_m"].to_numpy(), nan_ok=True)
+    assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:4:2]] == [
+        "RMS $y$, up",
+        "period, up",
+    ]
+    assert [axis.get_ylabel() for axis in figure.axes[4:]] == ["RMS $y$ (mm)", "period"]
+    assert to_hex(tiles.cmap(tiles.norm(np.nanmax(shown)))) == to_hex(tiles.cmap(1.0))
 
 
 def test_a_response_shows_any_measure(write):

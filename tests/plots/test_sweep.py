@@ -19,7 +19,6 @@ from vibroplat.plots.command import plot_results
 from vibroplat.plots.style import MOST_ENTRIES
 from vibroplat.results.picture import CURVES, SYNC
 from vibroplat.results.tables import write_table
-from vibroplat.study import curves as of_branches
 
 from .conftest import diagram, sweep_table, texts
 from .conftest import drawn as drawn_of
@@ -160,15 +159,6 @@ def test_the_title_says_the_largest_measure_and_which_motions_there_are(write_sw
     assert told.endswith("4 chaotic, the others repeat every turn; 2 of 32 points failed")
     (figure,) = drawn(write_sweep(), measure=["gap_max_m"]).values()
     assert figure.get_suptitle().startswith("Largest gap at most 0, 0.200 mm at $f$ = 20.58 Hz; ")
-
-
-def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, monkeypatch):
-    """With many branches it took most of the time."""
-    asked = []
-    found = of_branches.find_jumps
-    monkeypatch.setattr(of_branches, "find_jumps", lambda rows: asked.append(rows) or found(rows))
-    drawn(write_sweep())
-    assert len(asked) == sweep_table()["branch"].nunique()
 
 
 def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sweep):

@@ -187,11 +187,6 @@ def made(place):
     return bits(pd.read_parquet(place / "results/c/sweep/sweep.parquet"))
 
 
-def new(place, name):
-    (place / name).mkdir()
-    return place / name
-
-
 def await_points(place, number, child):
     """Wait until a sweep has so many points on disk."""
     for _ in range(1200):
@@ -200,13 +195,6 @@ def await_points(place, number, child):
         assert child.process.poll() is None, "the sweep has ended"
         time.sleep(0.05)
     raise AssertionError("no points")
-
-
-def resumed(place, table):
-    """Resume without a cluster: the table is that of a sweep that was never interrupted."""
-    done = command("sweep", "c.yaml", "--resume")
-    assert done.code == 0, done.err
-    assert made(place) == table
 
 
 def waiting(seconds):
