@@ -113,28 +113,6 @@ def test_run_writes_tables_summary_and_provenance(name, form, written):
     assert ("gap_m" in trajectory) == (name == "quickstart")
 
 
-@pytest.mark.parametrize("name", ["quickstart", "bare"])
-def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
-    first, *_, last = finished_commands[0][name].out.splitlines()
-    assert re.match(rf"{name}: runs at 25\.\d\d Hz \(15\d\d rpm\), antiphase: vibrates along y", first)
-    assert last == f"results/{name}/run: again with -v: all; next: vibroplat report results/{name}"
-    lines = load(finished_commands[1] / name).answer.lines
-    assert (lines["outcome"], lines["simulated"]) == ("ok", "0.200 s")
-    assert re.fullmatch(r"0\.1\d* s … 0\.1\d* s, [12] whole turns?", lines["measured"])
-    assert re.fullmatch(r"\S+( mm)?, \S+ mm", lines["RMS x, y"])
-    assert re.fullmatch(r"−?\d+ °, antiphase", lines["phase difference"])
-    assert ("in flight" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
-    if name == "quickstart":
-        events = read_table(finished_commands[1] / f"{name}/run", "events")
-        summary = read_json(finished_commands[1] / f"{name}/run", "summary")
-        begin, end = summary["measured_from_s"], summary["measured_to_s"]
-        measured, whole = (
-            ", ".join(str((part["kind"] == kind).sum()) for kind in ("liftoff", "impact", "chatter"))
-            for part in (events[events["t_s"].between(begin, end)], events)
-        )
-        assert lines["liftoffs, impacts, chatters"] == f"{measured}; in the whole run {whole}"
-
-
 def test_run_prints_and_keeps_its_notes(command, kernels, here):
     """Those of the samples as well, which Python's summary does not have."""
     (here / "own.yaml").write_text("machine: {stiffness_y_n_per_m: 470.0}\n")
