@@ -258,7 +258,7 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     starts, longest = 80, 3000
     box = {PHASE: [-math.pi, math.pi], SPEED: [0.0, 1.1]}
     keys = {"drive.supply_frequency_hz": frequency, "contact.restitution": restitution}
-    keys |= {"material.layers": 2, "contact.sticking_speed_m_per_s": 0.0}
+    keys |= {"material.layers": 2, "contact.restitution_threshold_m_per_s": 0.0}
     scene = scene_of(box, ratio, random=starts, max_turns=longest).replace(keys)
     plan, scene, assigned = scene.basins, scene.replace({"basins": None}), 0
     with closing(AttractorMapper(validated_base_scene(scene, plan), longest, [])) as mapper:

@@ -24,7 +24,7 @@ from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
 
 SHORT = ("--set", "run.duration_s=0.1")
-STORM = ("contact={restitution: 1.0, sticking_speed_m_per_s: 0.0}", "solver.max_events_per_period=3")
+STORM = ("contact={restitution: 1.0, restitution_threshold_m_per_s: 0.0}", "solver.max_events_per_period=3")
 RUN_FILES = {"trajectory", "events", "summary", "provenance"}
 
 
@@ -127,7 +127,7 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     coarse = ("output.sample_rate_hz=1", "run.duration_s=1.0", "name=coarse")
     done = command("run", QUICKSTART, *settings(*coarse), "-v")
     (note,) = read_json(here / "results/coarse/run", "summary")["notes"]
-    assert note.startswith("hint: output.sample_rate_hz = 1: 0.039 samples a turn miss ")
+    assert note.startswith("hint: output.sample_rate_hz = 1: 0.039 samples per turn miss ")
     assert f"\n{note}\n" in done.out
 
 

@@ -17,7 +17,7 @@ from vibroplat.study.pool import Inline
 MACHINE = Path(__file__).parents[1] / "continuation/machine.yaml"
 HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
 KEY = "key: drive.supply_frequency_hz"
-STEP = "step: {first: 0.4, largest: 0.5}"
+STEP = "step: {first: 0.4, max: 0.5}"
 ORBITS = f"orbits: {{{KEY}, start: 47.0, stop: 49.0, {STEP}, grid: {{material.mass_ratio: [0.0, 0.1]}}}}\n"
 
 
@@ -120,7 +120,7 @@ REFUSED = {
     f"{NEAR}, from: state": "c.yaml: orbits.from = state but run.initial.state is not given; ",
     f"{NEAR}, grid: {{material.mass_ratio: [-1.0]}}": "c.yaml: orbits.grid: material.mass_ratio = -1.0; "
     "allowed: at least 0.0",
-    f"{NEAR}, grid: {{material.mass_ratio: [0.1, 0.1]}}": "c.yaml: orbits: grid.material.mass_ratio = [0.1, 0.1]; "
+    f"{NEAR}, grid: {{material.mass_ratio: [0.1, 0.1]}}": "c.yaml: orbits.grid: material.mass_ratio = [0.1, 0.1]; "
     "allowed: each value once",
 }
 

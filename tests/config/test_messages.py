@@ -20,7 +20,7 @@ EXCITER = (
     "mounted_on, rotation"
 )
 PLATE = "rated_power_w: 1500, breakdown_ratio: 2.6, rated_frequency_hz: 50"
-INITIAL = "phase_difference_rad, phase_sum_rad, phi1_rad, speed_ratio, state, from"
+INITIAL = "phase_difference_rad, phi1_rad, speed_ratio, state, from"
 NAME = "letters, digits and . _ + -, starting with a letter or digit"
 SECTION = "a section of keys and values"
 THIN = "material: {mass_ratio: 0.2, layers: 1}\n"
@@ -50,6 +50,10 @@ MESSAGES = {
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
         "name: a\ncalibration: {}": "unknown key calibration in line 2; it was removed: results/README.md describes "
         "how configs/machines/calibrated.yaml was found",
+        "run: {initial: {phase_sum_rad: 0}}": "unknown key run.initial.phase_sum_rad in line 1; it is now "
+        "run.initial.phase_difference_rad",
+        "orbits: {step: {least: 0}, key: x, start: 0, stop: 1}": "unknown key orbits.step.least in line 1; it was "
+        "removed: a branch ends where steps become smaller than 1e-8 of the range",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
@@ -74,7 +78,7 @@ MESSAGES = {
         "with engine taylor",
         "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}": "run.duration_s = 4.0 takes 1e+12 turns at the "
         "synchronous speed; allowed: at most 1e+09",
-        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep: grid.contact.restitution = [nan]; "
+        f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep.grid: contact.restitution = [nan]; "
         "allowed: numbers up to 1e+30",
         "name: ../up": f"name = '../up'; allowed: {NAME}, as name: up",
         'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}, as name: a-b",
@@ -97,8 +101,6 @@ MESSAGES = {
         f"motor: {{{PLATE}, rated_speed_rpm: 1425, critical_slip: 0.1}}": "motor: "
         + both("rated_power_w", "critical_slip"),
         "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}": "run.initial: " + both("state", "phi1_rad"),
-        "run: {initial: {phase_difference_rad: 0, phase_sum_rad: 0}}": "run.initial: "
-        + both("phase_difference_rad", "phase_sum_rad"),
         program(f"{START}, exciter_1: off, off: true"): "drive.program.0: " + both("off", "exciter_1"),
     },
     "values that do not go together": {
@@ -117,8 +119,6 @@ MESSAGES = {
         "closes a gap that is 0; allowed: at least 0 while gap_m is 0",
         "run: {initial: {state: {gap_m: 0.1}}}": "run.initial.state.gap_m = 0.1 but this scene has no such coordinate; "
         "allowed: leave it out",
-        "exciters: [{}, {rotation: counter-clockwise}]\nrun: {initial: {phase_sum_rad: 1}}": "run.initial."
-        "phase_sum_rad = 1.0 but the exciters are co-rotating; allowed: phase_difference_rad",
     },
     "programs": {
         program(): "drive: program is empty; allowed: one entry or more",

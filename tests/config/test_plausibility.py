@@ -55,7 +55,7 @@ UNUSUAL = [
             "drive.supply_frequency_hz = 3000; usual: up to 400 Hz",
             f"{MASSES}, machine.unbalance_radius_m = 0.03, drive.supply_frequency_hz = "
             f"3000: acceleration 1950 g {ACCELERATION}",
-            "hint: output.sample_rate_hz = 2000: 1.3 samples a turn miss the largest values",
+            "hint: output.sample_rate_hz = 2000: 1.3 samples per turn miss the extremes",
         ],
     ),
     (
@@ -63,7 +63,7 @@ UNUSUAL = [
         [
             "drive.program: supply frequency 500 Hz; usual: up to 400 Hz",
             f"{MASSES}, machine.unbalance_radius_m = 0.03: acceleration 54.3 g {ACCELERATION}",
-            "hint: output.sample_rate_hz = 2000: 8.0 samples a turn miss the largest values",
+            "hint: output.sample_rate_hz = 2000: 8.0 samples per turn miss the extremes",
         ],
     ),
     (

@@ -102,11 +102,9 @@ LAYERS = [
     (PROGRAM, "drive: {program: }", "drive: {}"),
 ]
 STARTS = [
-    ("phi1_rad: 1, phase_sum_rad: 2, speed_ratio: 0", "from: results/a"),
+    ("phi1_rad: 1, phase_difference_rad: 2, speed_ratio: 0", "from: results/a"),
     ("state: {x_m: 0.1}", "from: results/a"),
     ("from: results/a", "speed_ratio: 0.5"),
-    ("phase_sum_rad: 1", "phase_difference_rad: 2"),
-    ("phase_difference_rad: 1", "phase_sum_rad: 2"),
 ]
 SWEEP, GRID = "sweep: {supply_frequency_hz: {start: 40, stop: 50}, ", "grid: {contact.restitution: [0.0, 0.5]}"
 LAYERS.append((f"{SWEEP}grid: {{material.layers: [1, 2]}}}}", f"sweep: {{{GRID}}}", f"{SWEEP}{GRID}}}"))

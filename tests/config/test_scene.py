@@ -136,9 +136,9 @@ def test_exciters_are_swept_by_a_grid_but_not_their_common_radius():
     assert str(caught.value) == line
 
 
-def test_phase_sum_is_the_difference_of_counter_rotating_exciters():
+def test_phase_difference_of_counter_rotating_exciters_is_a_sum():
     for initial, angles in (
-        ({"phase_sum_rad": 0.3}, (0.0, 0.3)),
+        ({"phase_difference_rad": 0.3}, (0.0, 0.3)),
         ({"phase_difference_rad": 0.3, "phi1_rad": 0.1}, (0.1, 0.2)),
         ({}, (0.0, math.pi)),
         ({"speed_ratio": 0.0, "phi1_rad": 0.0}, (0.0, math.pi)),

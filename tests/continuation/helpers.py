@@ -8,7 +8,7 @@ PLAN = {
     "key": "drive.supply_frequency_hz",
     "start": 47.0,
     "stop": 49.0,
-    "step": {"first": 0.4, "largest": 0.5},
+    "step": {"first": 0.4, "max": 0.5},
     "grid": {MASS: [0.0, 0.1]},
 }
 #: Supply frequency of the machine at which material of a tenth of its mass lifts off (Hz).

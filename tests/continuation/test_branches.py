@@ -83,7 +83,7 @@ def test_ranges_end_before_what_lies_beyond_them(branches):
 
 @pytest.mark.parametrize("stop", [52.4, 54.2])
 def test_ranges_end_where_they_are_told_though_the_section_moves_there(stop):
-    (branch,) = traced(machine(0.2, start=stop - 1.5, stop=stop, switch=[], step={"first": 0.2, "largest": 0.3}))
+    (branch,) = traced(machine(0.2, start=stop - 1.5, stop=stop, switch=[], step={"first": 0.2, "max": 0.3}))
     assert branch.ended == "stop of the key's range"
     assert branch.rows[-1]["value"] == stop
 
@@ -107,7 +107,7 @@ def test_branches_go_through_the_whole_range_in_both_synchronizations(branches, 
 def test_no_special_point_is_missed_by_long_steps(branches):
     """Steps a fifth as long find the same points, at the same places."""
     span = 80.0 - 42.0
-    found = [branches[0.2], traced(machine(0.2, step={"largest": span / 200.0}))]
+    found = [branches[0.2], traced(machine(0.2, step={"max": span / 200.0}))]
     kinds = ("fold", "liftoff", "end-of-sticking", "period-doubling", "neimark-sacker", "branch-point", "grazing")
     for kind in kinds:
         few, many = (
@@ -175,7 +175,7 @@ def few_impacts(branch):
 )
 def test_branches_go_through_grazing_with_fewer_and_fewer_impacts(engine, tolerance):
     """The same special points whatever the engine and the tolerance, up to where impacts accumulate."""
-    (branch,) = traced(machine(0.2, engine, tolerance=tolerance, step={"largest": 0.1}, **REBOUNDS))
+    (branch,) = traced(machine(0.2, engine, tolerance=tolerance, step={"max": 0.1}, **REBOUNDS))
     assert branch.ended == "stop of the key's range"
     expected = sorted(FEW_IMPACTS, key=lambda place: place[1:])
     found = few_impacts(branch)
@@ -221,7 +221,9 @@ def test_branches_end_where_the_law_of_impact_jumps_and_say_so():
     scene = load_config(CALIBRATED, {"solver.engine": "taylor", MASS: 0.2, RESTITUTION: 0.7, "orbits": plan})
     (branch,) = traced(scene)
     assert branch.failed
-    assert branch.ended == ("no point beyond: an impact reaches contact.sticking_speed_m_per_s, where rebounds begin")
+    assert branch.ended == (
+        "no point beyond: an impact reaches contact.restitution_threshold_m_per_s, where rebounds begin"
+    )
 
 
 def test_doubled_periods_end_where_they_begin():

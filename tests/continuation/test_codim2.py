@@ -23,7 +23,7 @@ def machine(restitution, boundaries):
 @pytest.fixture(scope="module")
 def over_mass():
     """Boundaries over the mass ratio, R = 0, by kind."""
-    scene = machine(0.0, {"key": MASS, "start": 0.15, "stop": 0.25, "step": {"first": 0.01, "largest": 0.02}})
+    scene = machine(0.0, {"key": MASS, "start": 0.15, "stop": 0.25, "step": {"first": 0.01, "max": 0.02}})
     return scene, {curve.kind: curve for curve in bounded(scene)[1]}
 
 

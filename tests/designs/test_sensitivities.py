@@ -126,12 +126,12 @@ def test_what_cannot_be_asked_is_told_in_a_line(scene, plan, told):
 
 
 def test_a_section_stands_for_its_numbers(scene):
-    tolerances = {"machine": 0.05, "machine.platform_mass_kg": 0.01, "contact.sticking_speed_m_per_s": 0.02}
+    tolerances = {"machine": 0.05, "machine.platform_mass_kg": 0.01, "contact.restitution_threshold_m_per_s": 0.02}
     study = DesignStudy(scene.replace({"machine.damping_x_n_s_per_m": 0.0, "design.parameter_tolerances": tolerances}))
     found = study.plan.parameter_tolerances
     assert found["machine.platform_mass_kg"] == 0.01
     assert found["machine.stiffness_y_n_per_m"] == found["machine.exciter_angle_deg"] == 0.05
-    assert found["contact.sticking_speed_m_per_s"] == 0.02
+    assert found["contact.restitution_threshold_m_per_s"] == 0.02
     assert len(found) == 13
     assert "machine.gravity_m_per_s2" not in found
     (note,) = study.notes

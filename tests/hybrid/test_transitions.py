@@ -32,7 +32,7 @@ def test_contact_that_touches_zero_goes_on():
 @pytest.mark.parametrize(("law", "restitution"), list(zip(IMPACT_LAWS, (0.5, 1.0, 0.5), strict=True)))
 def test_slow_impacts_stick_and_fast_ones_rebound(quickstart, restitution, law):
     slowest = 0.3
-    contact = {"restitution": restitution, "sticking_speed_m_per_s": slowest, "impact_law": law}
+    contact = {"restitution": restitution, "restitution_threshold_m_per_s": slowest, "impact_law": law}
     scene = quickstart.replace({"contact": contact, "run.duration_s": 2.0})
     run = simulate(scene)
     p, table = parameters(scene), run.trajectory
@@ -69,7 +69,7 @@ def test_sticking_speed_ends_a_storm_of_elastic_impacts():
     scene = base(1e-8, 2.0).replace({"material.mass_ratio": 0.2, "drive.supply_frequency_hz": 45.0})
     scene = scene.replace({"contact.restitution": 1.0, "solver.max_events_per_period": 100})
     assert simulate(scene, keep="summary").outcome == "event-storm"
-    run = simulate(scene.replace({"contact.sticking_speed_m_per_s": 0.1}))
+    run = simulate(scene.replace({"contact.restitution_threshold_m_per_s": 0.1}))
     assert run.outcome == "ok"
     assert run.summary["energy_residual"] < 1e-5
     assert run.trajectory["mode"].iloc[-1] == "attached"

@@ -117,7 +117,7 @@ LATCHES = [
 
 @pytest.mark.parametrize(("law", "machine", "layers", "restitution", "sticking"), LATCHES)
 def test_latch_is_the_sum_of_all_impacts(law, machine, layers, restitution, sticking):
-    contact = {"restitution": restitution, "sticking_speed_m_per_s": sticking, "impact_law": law}
+    contact = {"restitution": restitution, "restitution_threshold_m_per_s": sticking, "impact_law": law}
     p = parameters(scene_of(layers, machine, **contact))
     (before,) = random_states(seed=30, count=1)
     before[5], before[12] = 0.0, 0.02
@@ -144,5 +144,6 @@ def test_latch_is_the_sum_of_all_impacts(law, machine, layers, restitution, stic
 def test_impacts_are_counted_until_one_sticks(sticking_speed, left):
     """They approach at 1, 0.5, 0.25, … m/s."""
     assert (
-        remaining_impacts(1.0, parameters(scene_of(1, restitution=0.5, sticking_speed_m_per_s=sticking_speed))) == left
+        remaining_impacts(1.0, parameters(scene_of(1, restitution=0.5, restitution_threshold_m_per_s=sticking_speed)))
+        == left
     )

@@ -75,7 +75,7 @@ def test_rows_by_a_key(key):
 
 @pytest.mark.parametrize("law", IMPACT_LAWS)
 def test_impact_and_latch_along_state_accelerations_and_restitution(law):
-    scene = scene_of(2, "lopsided", restitution=0.6, sticking_speed_m_per_s=0.006, impact_law=law)
+    scene = scene_of(2, "lopsided", restitution=0.6, restitution_threshold_m_per_s=0.006, impact_law=law)
     p, dp = parameters(scene), parameter_direction(scene, "contact.restitution")
     rng = np.random.default_rng(45)
     (state,) = random_states(seed=45, count=1)

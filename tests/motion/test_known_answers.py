@@ -80,7 +80,7 @@ def rest_of_dropped_ball(restitution, sticking_speed):
 
 
 def sticking_ball(restitution, sticking_speed):
-    return dropped_ball(restitution).replace({"contact.sticking_speed_m_per_s": sticking_speed})
+    return dropped_ball(restitution).replace({"contact.restitution_threshold_m_per_s": sticking_speed})
 
 
 @pytest.mark.parametrize(("restitution", "sticking_speed"), [(0.3, 5.0), (0.8, 1e-12)])

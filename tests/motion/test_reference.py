@@ -109,7 +109,7 @@ def elastic_layer(tolerance, engine="taylor"):
     scene = load_config(configurations() / "quickstart.yaml")
     changes = {
         "material": {"mass_ratio": 0.2, "layers": 1},
-        "contact": {"restitution": 1.0, "sticking_speed_m_per_s": 0.0},
+        "contact": {"restitution": 1.0, "restitution_threshold_m_per_s": 0.0},
         "run": {"duration_s": 0.499, "perturbation": 0.0},
         "solver": {"tolerance": tolerance, "engine": engine},
     }

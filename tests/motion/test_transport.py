@@ -82,7 +82,7 @@ def test_friction_of_impacts_is_in_work_and_power_of_friction():
 
 def test_slow_impacts_of_sliding_material_stick():
     scene = load_config(REFERENCES / f"{NAMES[0]}.yaml")
-    run = simulate(scene.replace({"contact": {"restitution": 0.4, "sticking_speed_m_per_s": 0.3}}))
+    run = simulate(scene.replace({"contact": {"restitution": 0.4, "restitution_threshold_m_per_s": 0.3}}))
     impacts = run.events[run.events["kind"] == "impact"]
     before, after = impacts["gap_rate_before_m_per_s"], impacts["gap_rate_after_m_per_s"]
     slow = before > -0.3

@@ -14,7 +14,7 @@ from vibroplat.observe.summary import inaccuracy
     ("restitution", "law"), [(0.0, "conservative"), (0.5, "central"), (0.9, "printed"), (1.0, "conservative")]
 )
 def test_residuals_with_impacts(quickstart, restitution, law, sticking):
-    contact = {"restitution": restitution, "sticking_speed_m_per_s": sticking, "impact_law": law}
+    contact = {"restitution": restitution, "restitution_threshold_m_per_s": sticking, "impact_law": law}
     scene = quickstart.replace({"contact": contact, "run.duration_s": 4.0, "solver.tolerance": 1e-8})
     run = simulate(scene, keep="events")
     stuck = (run.events["kind"] == "impact") & (run.events["gap_rate_after_m_per_s"] == 0.0)
@@ -32,7 +32,7 @@ def test_energy_residual_needs_the_truncation_term(printed):
         {
             "drive.supply_frequency_hz": 38.0,
             "run.duration_s": 4.0,
-            "run.initial": {"phase_sum_rad": 0.3},
+            "run.initial": {"phase_difference_rad": 0.3},
             "solver.tolerance": 1e-9,
         }
     )

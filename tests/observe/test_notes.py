@@ -67,7 +67,7 @@ def test_capture_begins_at_a_third_of_the_critical_slip(quickstart):
 
 def test_a_motor_too_weak_to_turn_is_noted(printed):
     """Its torque does not lift the unbalance over the top."""
-    weak = {"motor.critical_torque_n_m": 0.02, "run.initial": {"speed_ratio": 0.0, "phase_sum_rad": 0.0}}
+    weak = {"motor.critical_torque_n_m": 0.02, "run.initial": {"speed_ratio": 0.0, "phase_difference_rad": 0.0}}
     notes = of_motion(printed, **weak, **{"run.duration_s": 4.0})
     assert notes[1].startswith("each motor gives 5.87 mN·m at standstill, 20.0 mN·m at most, where 28.8 mN·m carry")
     told = "each exciter hardly turns, although its synchronous speed is 25.00 Hz: more torque or a longer run may help"
@@ -75,7 +75,7 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
 
 
 def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
-    coarse = {"contact.restitution": 0.99, "contact.sticking_speed_m_per_s": 0.0, "run.duration_s": 2.0}
+    coarse = {"contact.restitution": 0.99, "contact.restitution_threshold_m_per_s": 0.0, "run.duration_s": 2.0}
     scene, noted = load_config(QUICKSTART), {}
     for engine, tolerance in (("native", 1e-3), ("native", 1e-5), ("taylor", 1e-3)):
         notes = of_motion(scene, **coarse, **{"solver.engine": engine, "solver.tolerance": tolerance})

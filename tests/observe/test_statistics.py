@@ -157,7 +157,7 @@ def test_a_run_that_begins_on_the_section_and_goes_backwards_loses_nothing(quick
     still = {
         f"machine.{name}": 0.0 for name in ("stiffness_x_n_per_m", "stiffness_phi_n_m_per_rad", "gravity_m_per_s2")
     }
-    start = {"run.initial": {"phase_sum_rad": 0.0, "phi1_rad": 0.0, "speed_ratio": -0.5}}
+    start = {"run.initial": {"phase_difference_rad": 0.0, "phi1_rad": 0.0, "speed_ratio": -0.5}}
     scene = quickstart.replace(
         {"material.mass_ratio": 0.0, "run.duration_s": 0.4, "run.perturbation": 0.0, "solver.engine": engine, **start}
         | still

@@ -215,7 +215,7 @@ def test_through_impacts_that_accumulate(law, layers, engine):
 
 @pytest.mark.parametrize(("layers", "frequency", "engine"), [(1, 52.0, "taylor"), (2, 50.0, "native")])
 def test_through_impacts_that_stick(layers, frequency, engine):
-    scene = scene_of(layers, engine=engine, restitution=0.5, sticking_speed_m_per_s=0.1, frequency=frequency)
+    scene = scene_of(layers, engine=engine, restitution=0.5, restitution_threshold_m_per_s=0.1, frequency=frequency)
     kinds = agrees(scene, falling(scene), 0.08, keys=KEYS)
     assert set(kinds) == {"impact", "liftoff"}  # what sticks need not accumulate
     assert kinds[0] == "impact"

@@ -70,7 +70,7 @@ def answered(tmp_path_factory):
     place = tmp_path_factory.mktemp("answers")
     supply, radius = "drive.supply_frequency_hz", "machine.unbalance_radius_m"
     box = {"run.initial.phase_difference_rad": [-3.1, 3.1], "run.initial.speed_ratio": [0.0, 1.1]}
-    mass = {"key": "material.mass_ratio", "start": 0.0, "stop": 0.6, "from": "neighbour"}
+    mass = {"key": "material.mass_ratio", "start": 0.0, "stop": 0.6, "from": "previous"}
     wide = {radius: [0.018, 0.048], "machine.stiffness_y_n_per_m": [329e3, 611e3], supply: [46.75, 60.5]}
     best = {
         "keys": wide,

@@ -144,7 +144,7 @@ def test_all_figures_are_drawn(visit):
         """[...document.querySelectorAll('.plot')].map(plot => [...plot.querySelectorAll('.curve, .band, .dots')]
         .some(path => path.getBBox().width + path.getBBox().height > 0))""",
     )
-    assert len(drawn) > 20
+    assert len(drawn) > 10
     assert all(drawn)
 
 
@@ -212,7 +212,7 @@ def test_the_readout_names_every_curve_with_its_value_and_unit(visit):
     low, high = (float(end) for end in js(page, f"{name}.dataset.y").split()[:2])
     mouse(page, "mouseMoved", *place_in(page, CURVE, 0.5, 0.5))
     told = eventually(lambda: js(page, READ), bool)
-    assert re.search(r"^[\d.]+ ms", told)
+    assert re.search(r"^[\d.]+ s", told)
     assert re.search(r"underside of the material −?[\d.]+ mm", told)
     value = float(re.search(r"platform (−?[\d.]+) mm", told).group(1).replace("−", "-"))
     points = js(
@@ -334,7 +334,7 @@ def test_clicks_on_starts_values_and_designs_show_their_motion(visit, answered, 
     page = visit(write_report([answered[name]], tmp_path / "page.html", mover=orbit_motion))
     page.execute_script("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     titles = js(page, "[...document.querySelectorAll('.study h2')].map(box => box.firstChild.textContent.trim())")
-    drawn = {"basins": ["Basins"], "over": ["Shares", "Basins"], "thresholds": ["Thresholds"]}
+    drawn = {"basins": ["Basins"], "over": ["Basin fractions", "Basins"], "thresholds": ["Thresholds"]}
     drawn |= {"design": ["Elasticities", "Tolerances"], "best": ["Elasticities", "Searches"]}
     assert titles == drawn[name]
     moving = "document.querySelectorAll('#picture-{} .orbit svg.machine').length"

@@ -9,7 +9,7 @@ from common.places import ROOT
 
 from vibroplat import load_config, simulate
 from vibroplat.page.machine import drawing, machine_of
-from vibroplat.page.run import resample, run_curves
+from vibroplat.page.run import resample, shown_run
 from vibroplat.results.sheet import Sheet
 
 
@@ -19,7 +19,7 @@ def feeder():
 
 
 def test_the_machine_moves_its_material_from_the_beginning_of_each_turn(feeder):
-    motion = run_curves(feeder, feeder.events).motion
+    motion = shown_run(feeder, feeder.events).motion
     low, high, text = motion["columns"]["along_m"]
     along = low + (high - low) * np.frombuffer(base64.b64decode(text), "<u2") / 65534
     firsts, (_, seconds, last, count) = [first for *_, first, _ in motion["windows"]], motion["windows"][-1]

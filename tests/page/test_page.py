@@ -40,7 +40,7 @@ def test_report_writes_one_file_and_names_it(command, saved, tmp_path):
     copy = shutil.copytree(saved["bare"], tmp_path / "bare")
     done = command("report", copy, "--stop", "0.1")
     assert (done.code, done.err, done.out.splitlines()) == (0, "", [str(copy / "report.html")])
-    assert "interval" in read((copy / "report.html").read_text())
+    assert figures_of((copy / "report.html").read_text())["y from rest"].ends(0)[1] < 0.11
 
 
 def test_a_page_needs_nothing_else_and_runs_its_own_script_only(saved, swept):
@@ -95,7 +95,7 @@ def test_all_that_is_said_can_be_read_without_scripts(saved, swept):
         "How it was made",
     ):
         assert words in told
-    assert len(figures_of(text)) >= 18
+    assert len(figures_of(text)) >= 12
     assert text.count('<svg class="machine"') == 1
 
 

@@ -250,7 +250,7 @@ def test_each_start_moves_as_its_attractor(answered):
 
 def test_over_a_key_shares_are_stacked_and_starts_are_of_one_value(answered):
     text = page_of(answered["over"], mover=orbit_motion)
-    shares = next(one for title, one in figures_of(section(text, 0)).items() if title.startswith("share"))
+    shares = next(one for title, one in figures_of(section(text, 0)).items() if title.startswith("basin fraction"))
     table = read_table(answered["over"], "attractors")
     assert shares.unit == "%"
     assert {*shares.names} == {*table["attractor"]}

@@ -197,7 +197,7 @@ def test_jump_is_narrowed_and_resumed(bare, tmp_path):
     [
         (("fig3", {"material.mass_ratio": 0.2}), ("fig6", {"contact.restitution": 0.0}), {}),
         (("fig3", {"material.mass_ratio": 0.0}), ("fig2", {}), {}),
-        (("fig2", {}), ("fig2", {}), {"material.damping_ratio": 0.3, "contact.sticking_speed_m_per_s": 0.1}),
+        (("fig2", {}), ("fig2", {}), {"material.damping_ratio": 0.3, "contact.restitution_threshold_m_per_s": 0.1}),
     ],
 )
 def test_curves_that_figures_share_are_computed_once(one, other, changes):

@@ -20,7 +20,7 @@ from vibroplat.study.sweeps import Sweeps
 def drawn(rows, column="rms_y_m", x="excitation_frequency_hz"):
     """The axis of a column of a branch."""
     sweeps = Sweeps([], [], rows, "supply_frequency_hz", [], x)
-    series, _, _ = curves_of(sweeps, [column], {"": "k"}, mark_aperiodic=True)
+    series, _ = curves_of(sweeps, [column], {"": "k"}, mark_aperiodic=True)
     table = rows.assign(**{x: fill_failed(rows, x)})
     look = {"panels": [Panel(column)], "states": content.motions_of(rows)}
     return draw_picture(Picture("", "", "", table, "", [x], series=series, **look)).axes[0]

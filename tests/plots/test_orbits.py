@@ -28,7 +28,7 @@ MASS = "material.mass_ratio"
 @pytest.fixture(scope="module")
 def scene(kernels):
     """A machine from below the supply frequency at which its material lifts off to above it."""
-    step = {"first": 0.4, "largest": 0.5}
+    step = {"first": 0.4, "max": 0.5}
     plan = {"key": "drive.supply_frequency_hz", "start": 47.0, "stop": 49.0, "step": step, "grid": {MASS: [0.0, 0.1]}}
     return load_config(ROOT / "tests/continuation/machine.yaml", {"solver.engine": "taylor", "orbits": plan})
 

@@ -61,13 +61,19 @@ def test_a_run_of_schema_1_has_present_names(runs, tmp_path):
     names = {new: old for old, new in renamed.COLUMNS.items()}
     directory = run.save(tmp_path / "run")
     proof = former(directory, names)
-    proof["configuration"]["sweep"] = {"supply_frequency_hz": {"start": 45.0, "stop": 46.0}, "settle": "motion"}
+    proof["configuration"]["sweep"] = {
+        "supply_frequency_hz": {"start": 45.0, "stop": 46.0},
+        "settle": "motion",
+        "settle_s": 5.0,
+    }
+    proof["configuration"]["run"]["initial"] = {"phase_sum_rad": 0.3}
     (directory / "provenance.json").write_text(json.dumps(proof))
     summary = {names.get(name, name): value for name, value in run.documents["summary"].items()}
     assert "torque_share_1" in summary
     (directory / "summary.json").write_text(json.dumps(summary))
     again = load(directory)
     assert (repr(again), again.scene.sweep.settle_by) == (repr(run), "section")
+    assert again.scene.run.initial.phase_difference_rad == 0.3
     assert again.data_sheet.equals(run.data_sheet)
     assert json.loads((again.save(tmp_path / "again") / "provenance.json").read_text())["schema"] == 2
 

@@ -51,7 +51,7 @@ _KEYS = {
 def units(count, engine):
     """Compare at most ``count`` scenes with the same scenes in other units."""
     rows = []
-    changes = {"output.sample_rate_hz": 1.0, "run.initial.phase_sum_rad": 2.6}  # symmetric motions have no x, φ
+    changes = {"output.sample_rate_hz": 1.0, "run.initial.phase_difference_rad": 2.6}  # symmetric motions have no x, φ
     scenes = {name: with_engine(scene, engine).replace(changes) for name, scene in kinds(1e-8, 1.0).items()}
     expected = {name: simulate(scene, keep="summary").summary for name, scene in scenes.items()}
     for factors, name in spread_over(list(product([c for c in CHOICES if set(c) != {1.0}], scenes)), count):

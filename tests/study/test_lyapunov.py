@@ -277,7 +277,7 @@ def run_from(scene, state, seconds):
 
 def test_exponents_are_logarithms_of_multipliers():
     """Of the motion with period 1 at which a bare machine settles, whose sum is its mean divergence."""
-    scene, state = settled(MACHINE, 66.0, {"run.initial.phase_sum_rad": 0.3})
+    scene, state = settled(MACHINE, 66.0, {"run.initial.phase_difference_rad": 0.3})
     found, motion = spectrum(scene, state)
     turn = found[0].turn
     multipliers = np.linalg.eigvals(variation(scene, motion.state, turn).derivative.to_numpy())

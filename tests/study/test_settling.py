@@ -26,7 +26,7 @@ from .helpers import CALIBRATED, CHAOTIC, DAMPED, MACHINE, planned, swept
 
 FIXED = 30.0
 SLOW = Path(__file__).parents[1] / "machines" / "slow.yaml"
-IN_PHASE = {"run.initial.phase_sum_rad": 0.3}
+IN_PHASE = {"run.initial.phase_difference_rad": 0.3}
 MATERIAL = {"material.mass_ratio": 0.2}
 BOUNCING = {**MATERIAL, "contact.restitution": 0.3}
 SERIES = {**MATERIAL, "solver.engine": "taylor"}
@@ -198,7 +198,7 @@ def test_hunt_finds_the_orbit_near_a_motion_that_does_not_repeat():
 
 def test_hunt_finds_the_orbit_that_chaos_hardly_visits():
     """Period 6 at 57 Hz: nearly all returns after 6 turns are visits to period 2, and most others show a saddle."""
-    changes = {"material.mass_ratio": 0.15, "contact.restitution": 0.5, "contact.sticking_speed_m_per_s": 0.0}
+    changes = {"material.mass_ratio": 0.15, "contact.restitution": 0.5, "contact.restitution_threshold_m_per_s": 0.0}
     scene = load_config(CALIBRATED, {**changes, "solver.engine": "taylor", "drive.supply_frequency_hz": 57.0})
     with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion:
         motion.advance(20.0)
@@ -217,7 +217,7 @@ def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
     second = {**motor, "critical_torque_n_m": 1.14, "unbalance_radius_m": 0.03, "position_m": [-0.15, 0.03]}
     changes = {"exciters": [{**motor, "unbalance_radius_m": 0.0291}, second], "machine.damping_y_n_s_per_m": 40.0}
     changes["material"] = {"mass_ratio": 0.2, "natural_frequency_hz": 22.0, "damping_ratio": 0.95}
-    changes["contact"] = {"restitution": 0.5, "sticking_speed_m_per_s": 0.15}
+    changes["contact"] = {"restitution": 0.5, "restitution_threshold_m_per_s": 0.15}
     changes |= {"solver.engine": "taylor", "drive.supply_frequency_hz": 79.0, "run.initial.speed_ratio": 1.0}
     scene = planned(MACHINE, 79.0).replace(changes)
     with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion:

@@ -71,7 +71,7 @@ def test_types_do_not_depend_on_what_was_found():
 
 def test_branch_goes_on_from_point_to_point():
     """Both ways of turning are stable from 69 Hz on: a branch keeps the one that it comes with."""
-    begun = {"run.initial.phase_sum_rad": 0.3}
+    begun = {"run.initial.phase_difference_rad": 0.3}
     up = swept(MACHINE, 67.0, 71.0, step=1.0, changes=begun)
     down = swept(MACHINE, 67.0, 71.0, step=1.0, direction="down")
     assert up["sync"].tolist() == ["in-phase"] * 5

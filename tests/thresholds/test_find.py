@@ -52,7 +52,7 @@ def test_the_smallest_torque_that_passes_the_resonance_is_told_by_where_the_moti
 
 @pytest.mark.parametrize(("supply", "expected"), [(58.0, [0.05528, 0.511134]), (60.0, [0.202220, 0.410803])])
 def test_the_window_of_a_motion_ends_where_its_orbit_loses_its_stability(supply, expected):
-    answer = find(loaded(supply, **{"from": "neighbour", "start": 0.0}))  # without layers at its start
+    answer = find(loaded(supply, **{"from": "previous", "start": 0.0}))  # without layers at its start
     found = answer.thresholds
     assert f"{expected[0]:.5f}" in answer.answer.short[0], "the special point is known better than values beside it"
     assert found["special_point"].tolist() == ["period-doubling", "branch-point"]
@@ -68,15 +68,15 @@ def test_a_start_may_be_what_varies():
     assert (row["below_sync"], row["above_sync"], row["kind"]) == ("in-phase", "antiphase", "jump")
 
 
-@pytest.mark.parametrize("begin", ["initial", "neighbour"])
+@pytest.mark.parametrize("begin", ["initial", "previous"])
 def test_a_measure_passes_a_level(begin):
     plan = {"expression": "rms_y_m > 7e-4", "scan": 5, "start": 0.2, "stop": 0.4, "tolerance": 1e-6, "from": begin}
     found = find(loaded(58.0, **plan))
     (row,) = found.thresholds.to_dict("records")
     known = "0.3302769 ± 0.0000004: level-crossing; rms_y_m > 7e-4 below"
     assert found.answer.headline.endswith(known), "no digits beyond the error, and where the expression holds"
-    assert any("seed 0 only" in note for note in found.answer.notes) == (begin == "neighbour")
-    assert found.scan["seed"].nunique() > 1 or begin == "neighbour", "a sharp value is challenged"
+    assert any("seed 0 only" in note for note in found.answer.notes) == (begin == "previous")
+    assert found.scan["seed"].nunique() > 1 or begin == "previous", "a sharp value is challenged"
     assert [line[:35] for line in found.answer.short] == ["on both sides  rms_y_m = 0.70000 mm"]
     assert (row["kind"], row["value"]) == ("level-crossing", pytest.approx(0.3302756, abs=2e-6))
     assert row["below_rms_y_m"] > 7e-4 > row["above_rms_y_m"]

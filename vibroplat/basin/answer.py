@@ -1,4 +1,4 @@
-"""The answer of basins: attractors with their shares of the initial conditions, and what may have been missed."""
+"""The answer of basins: attractors with their basin fractions, and how large a missed one may be."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.basin.attractors import AttractorSet
-from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, shares_over
+from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, fractions_over
 from vibroplat.config.digits import number, percent
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
@@ -27,12 +27,11 @@ def answer_of(
     sets: Sequence[AttractorSet],
     escaped: Mapping[str, int],
 ) -> Answer:
-    """Return what is printed of basins.
+    """Return the printed answer of basins.
 
     ``escaped`` has the number of motions of an attractor that converged to an orbit when they were continued.
     """
-    plan, attractors = scene.basins, tables["attractors"]
-    assert plan is not None
+    plan, attractors = scene.plan_of("basins"), tables["attractors"]
     names = list(dict.fromkeys(attractors["attractor"]))
     values = len(sets)
     over = f" at each of {values} values of {plan.over.key}" if plan.over else ""
@@ -43,18 +42,18 @@ def answer_of(
         notes=_notes(plan, attractors, sets),
         failures=[line for one in sets for line in _failures(one)],
         headline=f"{counted(len(names), 'attractor')} from {starts}",
-        short=[*_shares(attractors, key), *_neighbours(plan, tables["starts"])],
+        short=[*_fractions(attractors, key), *_neighbours(plan, tables["starts"])],
     )
 
 
-def _shares(table: pd.DataFrame, key: str | None) -> Iterator[str]:
-    """Yield a line for each attractor, the largest first: its share with bounds, RMS, frequency and power.
+def _fractions(table: pd.DataFrame, key: str | None) -> Iterator[str]:
+    """Yield a line for each attractor, the largest first: its fraction with bounds, RMS, frequency and power.
 
-    Over a key there are the smallest and the largest share instead, and where it was found.
+    Over a key there are the smallest and the largest fraction instead, and where it was found.
     """
     rows, most = [], max(table["rms_x_m"].max(), table["rms_y_m"].max())
     largest = table.groupby("attractor", sort=False)["fraction"].max().sort_values(ascending=False, kind="stable")
-    over = {} if key is None else shares_over(table, column_of(key))
+    over = {} if key is None else fractions_over(table, column_of(key))
     for name in largest.index[:MAX_ATTRACTORS]:
         own = table[table["attractor"] == name]
         row = own.iloc[0]

@@ -9,8 +9,8 @@ import numpy as np
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import exciter_angles
-from vibroplat.config.study_plans import INITIAL_PREFIX, PHASES, BasinsPlan
+from vibroplat.config.sections import PHASES, exciter_angles
+from vibroplat.config.study_plans import INITIAL_PREFIX, BasinsPlan
 from vibroplat.errors import ConfigError, errors_about
 from vibroplat.hybrid.state import initial_state, perturb_states
 from vibroplat.kernels.compiled import FloatArray
@@ -56,8 +56,7 @@ def initial_states(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> Fl
         named = {name: getattr(initial, name) for name in PHASES}
         for state, row in zip(states, values.tolist(), strict=True):
             given = dict(zip(plan.initial_conditions, row, strict=True))
-            difference, whole, phi1, ratio = (given.get(INITIAL_PREFIX + name, own) for name, own in named.items())
-            angle = difference if whole is None else whole
+            angle, phi1, ratio = (given.get(INITIAL_PREFIX + name, own) for name, own in named.items())
             state[3:5] = exciter_angles(angle, phi1, ratio, scene.phase_weights[1])
             state[10:12] = ratio * speeds
     states = perturb_states(states, scene, scene.start_perturbation, [(plan.seed, number) for number in numbers])

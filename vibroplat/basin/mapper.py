@@ -69,7 +69,7 @@ DESCRIBING_COLUMNS = ("flight_fraction", "sync", PHASE_COLUMN, "stick_fraction",
 #: Turns within which a motion must settle that is assigned without an orbit, if it has not taken as many already.
 SETTLED_TURNS = 128
 #: Precision of that, in scaled units, sufficient for measures to distinguish such motions; exponents do not matter.
-CLOSE_SETTLING: Record = {"settle_tolerance": 1e-4, "lyapunov": False}
+CLOSE_SETTLING: Record = {"settle_tolerance": 1e-4, "lyapunov": False, "perturbation": 0.0}
 #: Distance of the same orbit found twice, in scaled units.
 SAME_ORBIT_DISTANCE = 1e-4
 #: Windows in which a motion that has converged to no orbit is measured, and whole turns of each, a multiple of many
@@ -280,7 +280,7 @@ class AttractorMapper:
     def _search_settled(self) -> int | None:
         """Return the number of the repeating motion to which this one soon settles, or None; add a new one."""
         max_settle_s = max(SETTLED_TURNS * self._turn, self._motion.now)
-        plan = constant_plan(self.scene, max_settle_s=max_settle_s, measure_s=max_settle_s / BLOCKS, **CLOSE_SETTLING)
+        plan = SweepPlan.of_motion(max_settle_s=max_settle_s, measure_s=max_settle_s / BLOCKS, **CLOSE_SETTLING)
         point = measure_point(self.scene, plan, self._motion.state.tolist(), (0,))
         if not point.row.get("period") or point.row["settle_s"] >= max_settle_s:
             return None
@@ -343,16 +343,9 @@ def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:
         return {"row": {"motion": None, "period": 0, **record.get("windows", [{"sync": None}])[-1]}}
 
 
-def constant_plan(scene: Scene, **more: float) -> SweepPlan:
-    """Return how a motion is followed as it is."""
-    frequency = scene.drive.largest_frequency
-    given: Record = {"supply_frequency_hz": {"start": frequency, "stop": frequency}, "perturbation": 0.0}
-    return SweepPlan.model_validate(given | more)
-
-
 def classify_unconverged(scene: Scene, state: list[float]) -> Record:
     """Measure and classify a motion that has converged to no orbit in the turns given."""
-    plan = constant_plan(scene)
+    plan = SweepPlan.of_motion(perturbation=0.0)
     point = measure_point(scene, plan, state, (0,))
     if point.search is not None:
         point.row.update(search_coexisting(scene, plan, point.search))

@@ -1,4 +1,4 @@
-"""Pictures of basins of attraction: which attractor each start comes to, how long it takes, and shares over a key."""
+"""Pictures of basins: the attractor of each initial condition, the turns until then, and fractions over a key."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.basin.rates import shares_over
+from vibroplat.basin.rates import fractions_over
 from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
@@ -18,12 +18,12 @@ from vibroplat.study.branches import box_words, column_of
 from vibroplat.study.titles import sentence
 
 OPTIONS = ()
-#: Share that is none.
+#: Basin fraction that counts as 0.
 MIN_FRACTION = 1e-9
 
 
 def pictures(results: Sequence[Result], _: Sequence[str] = ()) -> list[picture.Picture]:
-    """Return the pictures of each result: its starts, and over a key the shares of them."""
+    """Return the pictures of each result: its initial conditions, and over a key the basin fractions."""
     return [picture for result in results for picture in _pictures(result)]
 
 
@@ -36,11 +36,11 @@ def _pictures(result: Result) -> list[picture.Picture]:
     owned = dict(zip(_names_of(attractors, keys), range(len(attractors)), strict=True))
     orbits = picture.Orbits(attractors, owner=[owned.get(name) for name in _names_of(starts, keys)])
     shown = _starts(result, plan, keys, attractors, starts, orbits)
-    return [_shares(result, plan, keys[0], attractors), shown] if keys else [shown]
+    return [_fractions(result, plan, keys[0], attractors), shown] if keys else [shown]
 
 
 def _names_of(table: pd.DataFrame, keys: Sequence[str]) -> list[tuple[Any, ...]]:
-    """Return what tells an attractor, or that of a start, from all others: the value of the key and its name."""
+    """Identify the attractor of each row by the value of the key and its name."""
     return list(zip(*(table[name] for name in (*keys, "attractor")), strict=True))
 
 
@@ -51,13 +51,13 @@ def _motion(row: pd.Series) -> str:
 
 
 def _title(attractors: pd.DataFrame, count: int) -> str:
-    """Say which share of the starts comes to each attractor, and how well that is known."""
+    """Say which fraction of the initial conditions converges to each attractor, with its confidence bounds."""
     texts = []
     for _, row in attractors[attractors["fraction"] > MIN_FRACTION].sort_values("fraction", ascending=False).iterrows():
         percent, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
         known = digits.spread(percent, 0.5 * (high - low), "%") if 0.0 < percent < 100.0 else f"100 % (≥ {low:.0f} %)"
         texts.append(f"{_short(row['attractor'])} {known}")
-    return sentence(f"{', '.join(shortened(texts))} of {count} starts")
+    return sentence(f"{', '.join(shortened(texts))} of {count} initial conditions")
 
 
 def _short(attractor: object) -> str:
@@ -73,10 +73,7 @@ def _starts(
     starts: pd.DataFrame,
     orbits: picture.Orbits,
 ) -> picture.Picture:
-    """Return the starts over the first key: the others, and the turns until they settle, in colours of attractors.
-
-    Turns of motions that come to no orbit say nothing beside those of others.
-    """
+    """Return the initial conditions in colours of their attractors: the other keys, or the turns, over the first."""
     colours, ranges = picture.attractor_colours(attractors["attractor"]), plan["initial_conditions"]
     motions = {} if keys else {row["attractor"]: _motion(row) for _, row in attractors.iterrows()}
     classes = {name: (colour, ": ".join(filter(None, (name, motions.get(name))))) for name, colour in colours.items()}
@@ -91,14 +88,14 @@ def _starts(
     hidden = not keys and starts.duplicated([*ranges][:2]).any()
     box = "" if keys else box_words(dict([*ranges.items()][2:]))
     lines = (
-        box and f"starts: {box}",
-        f"starts followed for {plan['max_turns']} turns",
-        "where several starts have one place, the last is seen" if hidden else "",
+        box and f"initial conditions: {box}",
+        f"at most {plan['max_turns']} turns",
+        "of overlapping points, only the last is visible" if hidden else "",
     )
     return picture.Picture(
         name="basins",
         heading="Basins",
-        title=_shares_title(attractors, keys[0]) if keys else _title(attractors, len(starts)),
+        title=_fractions_title(attractors, keys[0]) if keys else _title(attractors, len(starts)),
         table=starts,
         table_name="starts",
         special=None if keys else attractors,
@@ -108,29 +105,29 @@ def _starts(
         series=[picture.Series("", rows.index.to_numpy(), mode="dots") for rows in groups],
         facets=facets,
         caption=caption_of([result.name], result.known_scene, keys, *lines),
-        meaning="Each dot is a start, in the colour of the attractor to which its motion converges within "
-        f"{plan['max_turns']} turns. A key drawn over itself shows how many starts come to each attractor.",
+        meaning="Each dot is an initial condition, in the colour of the attractor to which it converges within "
+        f"{plan['max_turns']} turns. Choose the same key for both axes to see how many converge to each.",
         orbits=picture.Orbits(attractors, (), [*(orbits.owner or ()), *range(0 if keys else len(attractors))]),
         high=True,
         places=("page",) if keys else ("print", "page"),
     )
 
 
-def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> picture.Picture:
-    """Return the shares of attractors over a key, and their motions."""
+def _fractions(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> picture.Picture:
+    """Return the basin fractions over a key, and the motion of each attractor."""
     colours, turns = picture.attractor_colours(attractors["attractor"]), f"within {plan['max_turns']} turns"
-    shared = attractors["attractor"][attractors["fraction"] > MIN_FRACTION].nunique() > 1
-    panels, omitted = content.measures(attractors, stripped=not shared)
+    several = attractors["attractor"][attractors["fraction"] > MIN_FRACTION].nunique() > 1
+    panels, omitted = content.measures(attractors, stripped=not several)
     box = f"{box_words(plan['initial_conditions'])}, {turns}"
     return picture.Picture(
         name="basins",
-        heading="Shares",
-        title=_shares_title(attractors, key),
+        heading="Basin fractions",
+        title=_fractions_title(attractors, key),
         table=attractors,
         table_name="attractors",
         axes=content.axes_of(attractors, [key]),
         panels=[
-            *([picture.Panel("fraction", kind="stack", least=1.0, label="share of the starts")] if shared else []),
+            *([picture.Panel("fraction", kind="stack", least=1.0, label="basin fraction")] if several else []),
             *panels,
         ],
         series=[
@@ -138,14 +135,14 @@ def _shares(result: Result, plan: Any, key: str, attractors: pd.DataFrame) -> pi
             for name in colours
         ],
         states=content.motions_of(attractors),
-        caption=caption_of([result.name], result.known_scene, [key], f"starts: {box}", omitted),
-        meaning=f"The share of the starts that converges to each attractor {turns}, and below it the motion of each.",
+        caption=caption_of([result.name], result.known_scene, [key], f"initial conditions: {box}", omitted),
+        meaning=f"The fraction of initial conditions that converges to each attractor {turns}, and its motion.",
         orbits=picture.Orbits(attractors),
     )
 
 
-def _shares_title(attractors: pd.DataFrame, key: str) -> str:
-    """Say between which shares each attractor varies over the key."""
-    texts = [f"{_short(name)} {text}" for name, text in shares_over(attractors, key).items()]
+def _fractions_title(attractors: pd.DataFrame, key: str) -> str:
+    """Say between which basin fractions each attractor varies over the key."""
+    texts = [f"{_short(name)} {text}" for name, text in fractions_over(attractors, key).items()]
     count = attractors[key].nunique()
-    return sentence(f"{', '.join(shortened(texts))} of the starts at {count} values of {key_name(key)}")
+    return sentence(f"{', '.join(shortened(texts))} of the initial conditions at {count} values of {key_name(key)}")

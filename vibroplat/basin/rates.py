@@ -26,7 +26,7 @@ ALPHA = 0.05
 CHAOTIC, TRANSIENT_MOTIONS = "chaotic", ("chaotic", "undecided")
 #: Radius that counts for orbits without an ellipsoid.
 MIN_RADIUS = 1e-4
-#: Fewest late arrivals of which it can be told whether their rate is constant.
+#: Minimum number of late arrivals for a test whether their rate is constant.
 MIN_LATE_ARRIVALS = 5
 
 
@@ -148,8 +148,8 @@ def clopper_pearson(count: int, number: int) -> tuple[float, float]:
     return low, high
 
 
-def shares_over(attractors: pd.DataFrame, key: str) -> dict[str, str]:
-    """Return between which shares of the starts each attractor varies over a key, in words; 0 where it is not found."""
+def fractions_over(attractors: pd.DataFrame, key: str) -> dict[str, str]:
+    """Return the range of the basin fraction of each attractor over a key, in words; 0 where it is not found."""
     fractions = attractors.pivot_table("fraction", key, "attractor", fill_value=0.0, sort=False)
     ends = {str(name): dict.fromkeys((percent(one.min()), percent(one.max()))) for name, one in fractions.items()}
     return {name: " … ".join(both) for name, both in ends.items()}

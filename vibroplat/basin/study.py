@@ -24,7 +24,7 @@ from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.orbit import with_orbit_tolerance
-from vibroplat.errors import ConfigError, errors_about
+from vibroplat.errors import errors_about
 from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of, study_table
@@ -114,10 +114,8 @@ class BasinsStudy(Study):
     counted = "starts"
 
     def __init__(self, scene: Scene) -> None:
-        if scene.basins is None:
-            raise ConfigError("this configuration has no basins section; add basins: {initial_conditions: …}")
+        self.scene, self.plan = scene, scene.plan_of("basins")
         with_orbit_tolerance(scene, 1e-8)  # refuses a program of the drive
-        self.scene, self.plan = scene, scene.basins
         over = self.plan.over
         if over is not None:
             scene.require_orbits("basins.over, a branch of each orbit,", "basins at each value, or sweep")

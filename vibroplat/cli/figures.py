@@ -100,13 +100,11 @@ def film(
     ] = None,
     start: Annotated[float | None, typer.Option(help="Start of the interval (s). Default: the last turns.")] = None,
     stop: Annotated[float | None, typer.Option(help="End of the interval (s).")] = None,
-    turns: Annotated[float, typer.Option(min=0.1, max=100.0, help="Number of turns, if no interval is given.")] = 2.0,
-    frames: Annotated[int, typer.Option(min=2, max=1000, help="Pictures per turn.")] = 40,
 ) -> None:
     """Film the moving machine of a run in slow motion, as a GIF."""
     from vibroplat.plots.film import write_film
 
-    print(write_film(directory, out, start, stop, turns=turns, frames=frames))
+    print(write_film(directory, out, start, stop))
 
 
 def export(

@@ -150,7 +150,6 @@ def paper(
     scheduler: common.Scheduler = None,
     format_: common.Format = "csv",
     seeds: Annotated[int, typer.Option(min=1, help="Number of perturbation seeds for each claim.")] = 3,
-    seed: Annotated[int, typer.Option(min=0, help="First seed; figures are drawn with it.")] = 0,
     verbose: common.Verbose = False,
 ) -> None:
     """Reproduce the figures and claims of the paper.
@@ -171,7 +170,7 @@ def paper(
 
     good = True
     for name, numbers in chosen.items():
-        study = PaperStudy(numbers, range(seed, seed + seeds), name)
+        study = PaperStudy(numbers, range(seeds), name)
         directory = result_directory(out / "paper", name)
         how = Execution(jobs, scheduler, format_, common.store_options(resume, overwrite), check, verbose)
         good &= run_and_print(study, directory, how)

@@ -10,7 +10,7 @@ from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.config.schema import POINT_NAME, Positive, Real, Section, described
 from vibroplat.kernels.engines import ENGINES, uses_sundials
 
-#: Least tolerances: what the engines can reach.
+#: Minimum tolerances that the engines can reach.
 MIN_TOLERANCE, MIN_TOLERANCE_SUNDIALS = 1e-14, 1e-12
 
 

@@ -35,15 +35,10 @@ def given_by_exciters(scene: Any) -> set[str]:
 
 
 def _require_exciters_once(scene: Any) -> None:
-    """Refuse numbers of exciters, or phases, that are given in two ways or do not go with the rotation."""
+    """Refuse numbers of exciters that are given in two ways."""
     for name in OF_EXCITERS if scene.exciters is not None else ():
         if name in scene.machine.model_fields_set:
             raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
-    if scene.co_rotating and scene.run.initial.phase_sum_rad is not None:
-        raise ValueError(
-            f"run.initial.phase_sum_rad = {scene.run.initial.phase_sum_rad} but the exciters are co-rotating; "
-            "allowed: phase_difference_rad"
-        )
 
 
 def _require_transportable(scene: Any) -> None:

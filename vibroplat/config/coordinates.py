@@ -39,5 +39,5 @@ RATES = (
 #: Keys of where material is along the deck, with its rate, in scenes with ``transport``.
 ALONG = ("along_m", "along_rate_m_per_s")
 
-#: Most points of the platform that may be named.
+#: Maximum number of named points of the platform.
 MAX_NAMED_POINTS = 8

@@ -34,7 +34,6 @@ _LEFT_OUT = (
     "drive.program.",
     "sweep.over.",
     "run.initial.state.",
-    "run.initial.phase_sum_rad",
 )
 _HEAD = "# Lines with # are alternatives or optional keys. Typical values: screens and feeders in industry.\n"
 _COMMANDS = {
@@ -166,16 +165,16 @@ def template(machine: str, file: str, name: str, *, full: bool = False) -> str:
     above: list[str] = []
     values = scene.to_tree()
     for prefix, key in _in_places(given):
-        if prefix in elsewhere or (prefix.startswith(_LEFT_OUT) and _at(given, prefix) is None):
+        if prefix in elsewhere or (prefix.startswith(_LEFT_OUT) and value_at(given, prefix) is None):
             continue
         *sections, last = prefix.split(".")
         for depth, section in enumerate(sections):
             if sections[: depth + 1] != above[: depth + 1]:
                 lines.append(f"{'  ' * depth}{f'- # {int(section) + 1}' if section.isdigit() else f'{section}:'}")
         above = sections
-        lines += _lines(last, "  " * len(sections), key, yaml(_at(values, prefix)), beside="1" not in sections)
+        lines += _lines(last, "  " * len(sections), key, yaml(value_at(values, prefix)), beside="1" not in sections)
         if prefix == "drive.supply_frequency_hz":
-            lines.append(_PROGRAM % yaml(_at(values, prefix)))
+            lines.append(_PROGRAM % yaml(value_at(values, prefix)))
         if prefix == "sweep.supply_frequency_hz.direction":
             lines.append(_OVER)
     return "\n".join(lines) + "\n"
@@ -191,7 +190,7 @@ def _in_places(given: Mapping[str, Any]) -> Iterator[tuple[str, Key]]:
             yield from ((key.name.replace(f"{section}.N.", f"{section}.{index}."), key) for key in inside)
 
 
-def _at(tree: Any, name: str) -> Any:
+def value_at(tree: Any, name: str) -> Any:
     """Return the value of a dotted name, which may have numbers as places in lists; None if there is none."""
     for part in name.split("."):
         tree = tree[int(part)] if isinstance(tree, list) else tree.get(part) if isinstance(tree, Mapping) else None

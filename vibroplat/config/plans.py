@@ -1,4 +1,4 @@
-"""The plans of studies, sections ``sweep`` and ``orbits`` of a configuration: what is computed, and how exactly."""
+"""The plans of sections ``sweep`` and ``orbits`` of a configuration."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.schema import MAX_SIZE, PERTURBATION, Fraction, Positive, Real, Section, described, short
 
 #: Key of the supply frequency.
 FREQUENCY = "drive.supply_frequency_hz"
-#: Most points of a branch of a sweep.
-MAX_POINTS = 100_000
+#: Most points of a branch of a sweep, and of all its branches: a week of computing, or a slip of the keyboard.
+MAX_POINTS, MAX_SWEEP_POINTS = 100_000, 1_000_000
 #: Most combinations of the grid's values, of a sweep and of orbits.
 MAX_BRANCHES, MAX_FAMILIES = 10_000, 1000
 
-#: Lengths of steps along branches of orbits that are not given, over the range of the key.
+#: Default first and maximum step, and the minimum step, along branches of orbits, relative to the range of the key.
 FIRST_STEP, MAX_STEP, MIN_STEP = 1.0 / 300.0, 1.0 / 40.0, 1e-8
 
 #: Length of a branch over the whole range of its key, in the units of the unknowns.
@@ -30,8 +30,22 @@ Direction = Literal["up", "down"]
 Period = Annotated[int, Field(ge=1, le=64)]
 OrbitTolerance = Annotated[float, Field(ge=1e-11, le=1e-4, allow_inf_nan=False)]
 Boundary = Literal["fold", "period-doubling", "neimark-sacker", "branch-point", "liftoff", "end-of-sticking", "grazing"]
+
+
+def _distinct(grid: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """Refuse keys that are none of a scene, and values that are too large or given twice."""
+    for key, values in grid.items():
+        if not key.isascii():
+            raise ValueError(f"{key!a} is not a key of a scene; allowed: keys of machine, material, …")
+        if any(isinstance(value, int | float) and not abs(value) <= MAX_SIZE for value in values):
+            raise ValueError(f"{key} = {short(values)}; allowed: numbers up to {MAX_SIZE:g}")
+        if len(set(values)) < len(values):  # 0 and 0.0 are equal
+            raise ValueError(f"{key} = {short(values)}; allowed: each value once")
+    return grid
+
+
 #: Dotted keys and their values.
-Grid = dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]]
+Grid = Annotated[dict[str, Annotated[list[float | int | bool | str], Field(min_length=1)]], AfterValidator(_distinct)]
 
 
 def _as_list(value: Any) -> Any:
@@ -48,7 +62,7 @@ def _in_range(start: float, stop: float, step: float | None, direction: list[Dir
         raise ValueError(f"direction = {direction}; allowed: up and down, each once")
 
 
-#: Ways along a branch.
+#: Directions along a branch.
 Directions = Annotated[list[Direction], BeforeValidator(_as_list), Field(min_length=1, max_length=2)]
 
 
@@ -130,7 +144,7 @@ class Frequencies(Section):
 
     @property
     def over(self) -> ParameterRange:
-        """What it is short for."""
+        """The range of ``drive.supply_frequency_hz`` that it stands for."""
         return ParameterRange.model_construct(key=FREQUENCY, **dict(self))
 
 
@@ -176,8 +190,6 @@ class SweepPlan(Section, title="Sweep"):
         True, "", "search for attractors coexisting with each chaotic one; takes two fifths of its time"
     )
 
-    max_points: Annotated[int, Field(ge=1, le=10**9)] = Field(200_000, description="maximum total of points")
-
     alternatives = (("supply_frequency_hz", "over"),)
 
     @model_validator(mode="after")
@@ -191,26 +203,25 @@ class SweepPlan(Section, title="Sweep"):
             raise ValueError("supply_frequency_hz and over are not given; allowed: one of the two")
         swept = self.swept
         each, ways = swept.number, len(swept.direction)
-        if each * ways * count > self.max_points:
+        if each * ways * count > MAX_SWEEP_POINTS:
             times = f"{count} × {ways} branches of {each} points"
-            raise ValueError(f"{times} are {each * ways * count}; allowed: at most max_points = {self.max_points}")
-        for key, values in self.grid.items():
-            if not key.isascii():
-                raise ValueError(f"grid.{key!a} is not a key of a scene; allowed: keys of machine, material, …")
+            raise ValueError(f"{times} are {each * ways * count}; allowed: at most {MAX_SWEEP_POINTS}")
+        for key in self.grid:
             if not may_vary(key) or key == FREQUENCY == swept.key:
                 raise ValueError(f"grid.{key} cannot be swept by the grid; allowed: keys of machine, material, …")
             if key == swept.key:
                 raise ValueError(f"grid.{key} is the key of over; allowed: another key")
-            if any(isinstance(value, int | float) and not abs(value) <= MAX_SIZE for value in values):
-                raise ValueError(f"grid.{key} = {short(values)}; allowed: numbers up to {MAX_SIZE:g}")
-            if len(set(values)) < len(values):  # 0 and 0.0 are equal
-                raise ValueError(f"grid.{key} = {short(values)}; allowed: each value once")
         if not may_vary(swept.key):
             raise ValueError(f"over.key = {swept.key!a} cannot be swept; allowed: keys of machine, material, …")
         several = [values for values in self.grid.values() if len(values) > 1]
         if self.kind == "map" and (len(several) != 1 or any(isinstance(v, str | bool) for v in several[0])):
             raise ValueError("kind = map needs exactly one grid key with several numbers")
         return self
+
+    @classmethod
+    def of_motion(cls, **settings: Any) -> Self:
+        """Return how a motion settles and is measured where nothing is swept."""
+        return cls(supply_frequency_hz=Frequencies(start=1.0, stop=1.0), **settings)
 
     @cached_property
     def swept(self) -> ParameterRange:
@@ -225,21 +236,18 @@ class StepPlan(Section, title="Step"):
     """Steps along a branch, as changes of the key."""
 
     first: Positive | None = Field(None, description="first step; default: 1/300 of the range")
-    largest: Positive | None = Field(None, description="largest step; default: 1/40 of the range")
-    least: Positive | None = Field(None, description="step below which a branch ends; default: 1e-8 of the range")
+    max: Positive | None = Field(None, description="maximum step; default: 1/40 of the range")
 
     def lengths(self, span: float) -> tuple[float, float, float]:
-        """First, largest and least step for a range of the key."""
-        largest = MAX_STEP * span if self.largest is None else self.largest
+        """First, largest and smallest step for a range of the key; with still smaller ones a branch ends."""
+        largest = MAX_STEP * span if self.max is None else self.max
         first = min(FIRST_STEP * span, largest) if self.first is None else self.first
-        return first, largest, min(MIN_STEP * span, first) if self.least is None else self.least
+        return first, largest, min(MIN_STEP * span, first)
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if self.first is not None and self.largest is not None and self.first > self.largest:
-            raise ValueError(f"first = {self.first} is above largest = {self.largest}; allowed: at most largest")
-        if self.least is not None and any(s is not None and self.least > s for s in (self.first, self.largest)):
-            raise ValueError(f"least = {self.least} is above first or largest; allowed: at most these")
+        if self.first is not None and self.max is not None and self.first > self.max:
+            raise ValueError(f"first = {self.first} is above max = {self.max}; allowed: at most max")
         return self
 
 
@@ -309,15 +317,13 @@ class OrbitsPlan(_VariedKey, title="Orbits", populate_by_name=True):
         for key in self.grid:
             if key == self.key or key.split(".")[0] in (*KINDS, "name", "output"):
                 raise ValueError(f"grid.{key} cannot be varied by the grid; allowed: keys of machine, material, …")
-            if len(set(self.grid[key])) < len(self.grid[key]):  # 0 and 0.0 are equal
-                raise ValueError(f"grid.{key} = {short(self.grid[key])}; allowed: each value once")
         if self.boundaries is not None and self.boundaries.key == self.key:
             raise ValueError(f"boundaries.key = {self.key} is key; allowed: another key")
         return self
 
     @property
     def range(self) -> tuple[float, float]:
-        """Least and largest value of the key."""
+        """Minimum and maximum of the key."""
         return min(self.start, self.stop), max(self.start, self.stop)
 
     def covers(self, value: float) -> bool:

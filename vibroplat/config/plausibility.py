@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from functools import reduce
 from itertools import repeat
 from typing import Any, NamedTuple
 
@@ -16,6 +15,7 @@ from pydantic import BaseModel
 
 from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.digits import given, number, quantity
+from vibroplat.config.keys import value_at
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Exciter, Motor
 
@@ -24,17 +24,17 @@ from vibroplat.config.sections import Exciter, Motor
 SWING_TORQUE_RATIO = 0.7246
 #: Keys whose default holds for any machine.
 UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
-#: Least number of a slip of units that is written by a power of ten.
+#: Size from which on a number that may be a slip of units is written by a power of ten.
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
 MIN_DAMPING_RATIO, MAX_REMAINDER = 0.005, 0.01
-#: Least samples of a turn in a trajectory.
+#: Minimum number of samples of a turn in a trajectory.
 MIN_SAMPLES_PER_TURN = 20.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
 INERTIA = "rotor_inertia_kg_m2"
-#: Most keys that were left out and are all named.
+#: Maximum number of missing keys that are all named.
 MAX_NAMED = 3
 #: How notes begin that put no number in doubt: they come last.
 HINT = "hint: "
@@ -145,7 +145,7 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     inertia = max(exciter.rotor_inertia_kg_m2 for exciter in scene.exciter_pair)
     yield UsualRange(inertia, 0.0, 100.0, "kg·m²", ("machine.rotor_inertia_kg_m2",))
     yield UsualRange(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
-    for key in ("phase_difference_rad", "phase_sum_rad", "phi1_rad"):
+    for key in ("phase_difference_rad", "phi1_rad"):
         yield UsualRange(getattr(initial, key), -LARGE_PHASE, LARGE_PHASE, "rad", (f"run.initial.{key}",))
     for i, (x, y) in enumerate(exciter.position_m or (0.0, 0.0) for exciter in scene.exciters or ()):
         text = f"exciters.{i}.position_m: {{}} from the centre of mass"
@@ -243,7 +243,7 @@ def _coarse(scene: Scene) -> str:
     each = 2.0 * math.pi * rate / scene.speed_scale
     if each >= MIN_SAMPLES_PER_TURN:
         return ""
-    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples a turn miss the largest values"
+    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes"
 
 
 def _replaced(scene: Scene) -> str:
@@ -277,10 +277,7 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
         *(f"exciters.{i}.{_given_key(exciter, key)}" for key in own for i, exciter in enumerate(scene.exciters or ())),
     )
     tree: Any = scene.model_dump()
-    values = {
-        key: reduce(lambda at, part: at[int(part) if part.isdigit() else part], key.split("."), tree) for key in keys
-    }
-    named = ", ".join(f"{key} = {given(size)}" for key, size in values.items() if size)
+    named = ", ".join(f"{key} = {given(size)}" for key in keys if (size := value_at(tree, key)))
     what = text.format(_in_unit(value, unit))
     ends = f"{given(low)} to {given(high)}" if low else f"up to {given(high)}"
     return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()

@@ -36,7 +36,7 @@ from vibroplat.config.sections import (
     Run,
     Transport,
 )
-from vibroplat.config.study_plans import BasinsPlan, DesignPlan, FindPlan
+from vibroplat.config.study_plans import PLANS, BasinsPlan, DesignPlan, FindPlan
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import load_provided
 
@@ -353,6 +353,15 @@ class Scene(Section):
         if self.contact.model == "non-impact":
             return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
         return self.machine.damping_y_n_s_per_m
+
+    def plan_of(self, kind: str) -> Any:
+        """Return the section of a kind of study; raises ConfigError if the scene has none."""
+        plan, model = getattr(self, kind), PLANS[kind]
+        if plan is None:
+            required = [name for name, field in model.model_fields.items() if field.is_required()]
+            first = ", ".join(f"{name}: …" for name in required or [name for name, _ in model.alternatives][:1])
+            raise ConfigError(f"this configuration has no {kind} section; add {kind}: {{{first}}}")
+        return plan
 
     def require_orbits(self, what: str, instead: str = "run, sweep, find, basins and design") -> None:
         """Refuse what needs periodic orbits or derivatives of a motion where there are none.

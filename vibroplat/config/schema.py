@@ -57,18 +57,29 @@ REMOVED_KEYS = {
     "design.indices": "table variance_contributions has the fractions of the variance by linear regression",
     "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 scaled units",
     "sweep.settle_s": "a motion settles until convergence is shown, for at most max_settle_s",
+    "sweep.max_points": "a sweep has at most a million points",
+    "orbits.step.least": "a branch ends where steps become smaller than 1e-8 of the range",
+    "orbits.boundaries.step.least": "a boundary ends where steps become smaller than 1e-8 of the range",
     "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
     "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
 }
-#: Keys of former versions, and their names now; values of the first are now newton for orbits, section for motion.
+#: Keys of former versions, and their names now; and values of keys, which have other names, too.
 RENAMED_KEYS = {
     "sweep.settle": "sweep.settle_by",
     "sweep.coexists": "sweep.find_coexisting",
     "find.outcome": "find.compare",
+    "contact.sticking_speed_m_per_s": "contact.restitution_threshold_m_per_s",
+    "orbits.step.largest": "orbits.step.max",
+    "orbits.boundaries.step.largest": "orbits.boundaries.step.max",
+    "run.initial.phase_sum_rad": "run.initial.phase_difference_rad",
     "basins.starts": "basins.initial_conditions",
     "basins.longest_turns": "basins.max_turns",
     "design.subject": "design.constraints",
     "design.spread": "design.parameter_tolerances",
+}
+RENAMED_VALUES = {
+    "sweep.settle_by": {"orbits": "newton", "motion": "section"},
+    "find.from": {"neighbour": "previous"},
 }
 
 
@@ -225,8 +236,8 @@ def _allowed(error: ErrorDetails) -> str:
         return f"{_NAMES[limits['pattern']]}{like and f', as {example}'}"
     template = _ALLOWED.get(error["type"])
     allowed = template.format(**limits) if template else error["msg"]
-    is_share = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
-    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_share and 1.0 < given <= 100.0 else allowed
+    is_fraction = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
+    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_fraction and 1.0 < given <= 100.0 else allowed
 
 
 def did_you_mean(wrong: str, known: Collection[str], most: int = 1) -> str:

@@ -280,7 +280,7 @@ class Contact(Section):
         "damper",
     )
     restitution: Fraction = described(0.0, "R", "coefficient of restitution of impacts", "0 … 0.3")
-    sticking_speed_m_per_s: NonNegative = described(
+    restitution_threshold_m_per_s: NonNegative = described(
         0.0, "", "approach speed below which impacts are inelastic; 0: none", "0 … 0.1"
     )
     impact_law: Literal["conservative", "central", "printed"] = Field(
@@ -338,11 +338,17 @@ class Transport(Section):
         return math.radians(self.deck_angle_deg)
 
 
+#: How the columns of a trajectory begin that are no part of the state.
+DERIVED = (
+    *("t_s", "mode", "contact_force_n", "friction_force_n", "acceleration_", "foundation_"),
+    *("supply_frequency_hz", "motor_power_"),
+)
+
+
 class State(Section):
     """A full state. Omitted coordinates are at static rest; omitted rates are 0.
 
-    ``t_s``, ``mode``, the contact force, accelerations and the columns of the supply are accepted but not used, so that
-    the last row of a trajectory can be given unchanged. Time starts at 0; the others follow from the state.
+    The last row of a trajectory can be given unchanged: columns that follow from the state, and time, are left out.
     """
 
     x_m: Real | None = described(
@@ -365,31 +371,17 @@ class State(Section):
     upper_rate_m_per_s: Real = described(0.0, "dy_w2/dt", "rate of change of upper_m")
     along_m: Real = described(0.0, "s", "displacement of the material along the deck, with transport")
     along_rate_m_per_s: Real = described(0.0, "ds/dt", "velocity of the material along the deck")
-    t_s: Real | None = described(None, "t", "time")
-    mode: str | None = described(
-        None,
-        "",
-        "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene); with "
-        "transport stick, slip+ or slip- in contact",
-    )
-    contact_force_n: Real | None = described(
-        None, "F_c", "force between lower layer and platform; impulses of impacts are in the events"
-    )
-    friction_force_n: Real | None = described(None, "F_t", "force of friction on the material, towards +x")
-    supply_frequency_hz: Real | None = described(None, "f_e", "supply frequency, if a program changes it")
-    motor_power_1_w: Real | None = described(None, "", "mechanical power of motor 1: torque times speed")
-    motor_power_2_w: Real | None = described(None, "", "mechanical power of motor 2: torque times speed")
 
     @model_validator(mode="before")
     @classmethod
-    def _without_accelerations(cls, tree: Any) -> Any:
+    def _without_derived(cls, tree: Any) -> Any:
         if not isinstance(tree, dict):
             return tree
-        return {key: value for key, value in tree.items() if not str(key).startswith(("acceleration_", "foundation_"))}
+        return {key: value for key, value in tree.items() if not str(key).startswith(DERIVED)}
 
 
-#: Keys of a start with rotating exciters.
-_PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
+#: Keys of an initial condition with rotating exciters.
+PHASES = ("phase_difference_rad", "phi1_rad", "speed_ratio")
 
 
 class Initial(Section, populate_by_name=True):
@@ -401,7 +393,6 @@ class Initial(Section, populate_by_name=True):
         "initial phase difference: phi_1 + phi_2 for counter-rotating exciters, phi_1 - phi_2 for co-rotating "
         "ones; default: pi",
     )
-    phase_sum_rad: Angle | None = described(None, "", "phase_difference_rad of counter-rotating exciters")
     phi1_rad: Angle | None = described(
         None,
         "phi_1",
@@ -418,18 +409,16 @@ class Initial(Section, populate_by_name=True):
 
     alternatives = (
         ("state", "from"),
-        *((way, key) for way in ("state", "from") for key in _PHASES),
-        ("phase_difference_rad", "phase_sum_rad"),
+        *((way, key) for way in ("state", "from") for key in PHASES),
     )
 
     def angles(self, sign: float) -> tuple[float, float]:
         """Angles φ₁ and φ₂ of the exciters (rad); ``sign`` is that of φ₂ in the phase difference."""
-        given = self.phase_difference_rad if self.phase_sum_rad is None else self.phase_sum_rad
-        return exciter_angles(given, self.phi1_rad, self.speed_ratio, sign)
+        return exciter_angles(self.phase_difference_rad, self.phi1_rad, self.speed_ratio, sign)
 
 
 def exciter_angles(given: float | None, phi1: float | None, speed_ratio: float, sign: float) -> tuple[float, float]:
-    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference or sum; hanging, where nothing else is said."""
+    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference; hanging, where nothing else is said."""
     if given is None and phi1 is None and speed_ratio == 0.0:
         return -0.5 * math.pi, -0.5 * math.pi
     first = phi1 or 0.0

@@ -1,4 +1,4 @@
-"""The plans of studies of a scene: what is asked by many motions, and within which bounds."""
+"""The plans of studies, sections ``find``, ``basins`` and ``design`` of a configuration."""
 
 from __future__ import annotations
 
@@ -10,28 +10,27 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
-from vibroplat.config.plans import Frequencies, OrbitsPlan, ParameterRange, SweepPlan, may_vary
+from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
 from vibroplat.config.schema import MAX_SIZE, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.sections import PHASES
 
-#: What keys of starts begin with, and those that there are.
+#: Prefix of the keys of initial conditions, and all such keys.
 INITIAL_PREFIX = "run.initial."
-PHASES = ("phase_difference_rad", "phase_sum_rad", "phi1_rad", "speed_ratio")
 STATE_KEYS = tuple(f"state.{name}" for name in (*COORDINATES, *RATES, *ALONG))
 INITIAL_KEYS = tuple(INITIAL_PREFIX + name for name in (*PHASES, *STATE_KEYS))
-#: Pairs of them that say the same.
+#: Pairs of them that exclude each other.
 EXCLUSIVE = (
-    ("phase_difference_rad", "phase_sum_rad"),
-    *((name, f"state.{phase}_rad") for name in PHASES[:3] for phase in ("phi1", "phi2")),
+    *((name, f"state.{phase}_rad") for name in PHASES[:2] for phase in ("phi1", "phi2")),
     *(("speed_ratio", f"state.{phase}_rate_rad_per_s") for phase in ("phi1", "phi2")),
 )
-#: Starts at random that there are without a number of them, and most starts at all values of a key.
+#: Default number of random initial conditions, and maximum number at all values of a key.
 DEFAULT_RANDOM, MAX_INITIAL_CONDITIONS = 1000, 10_000_000
-#: Violation of a bound, over its scale, that counts as none.
+#: Violation of a bound, relative to its scale, that counts as 0.
 VIOLATION_TOLERANCE = 1e-6
 
 
 def _full_names(given: Any) -> Any:
-    """Return ranges by the whole names of their keys, of which users may leave out the beginning."""
+    """Return ranges by the full names of their keys; users may leave out ``run.initial.``."""
     if not isinstance(given, Mapping):
         return given
     places = ("", "run.", INITIAL_PREFIX)
@@ -42,7 +41,7 @@ def _full_names(given: Any) -> Any:
 
 
 class BasinsPlan(Section, title="Basins"):
-    """Starts from a box of initial states, and how long the motions from there are followed."""
+    """Initial conditions in a box, and the maximum number of turns until they are assigned."""
 
     initial_conditions: Annotated[
         dict[str, Annotated[list[Real], Field(min_length=2, max_length=3)]],
@@ -104,18 +103,18 @@ class BasinsPlan(Section, title="Basins"):
 
     @property
     def number(self) -> int:
-        """How many starts there are at each value of ``over``."""
+        """Number of initial conditions at each value of ``over``."""
         return math.prod(self.shape) * (self.random or (1 if self.shape else DEFAULT_RANDOM))
 
 
-#: Width at which a threshold is found, over the range of its key, where none is given.
+#: Default of the final width of a threshold, relative to the range of its key.
 DEFAULT_TOLERANCE = 1e-5
 #: A column, how it is compared, and a number.
 COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
 
 class FindPlan(Section, title="Find", populate_by_name=True):
-    """A key, and what changes at a value of it."""
+    """A key, and the outcome whose change is searched for."""
 
     key: str = Field(description="dotted key whose threshold is wanted; N stands for all places of a list")
     start: Real = Field(description="smallest value of the key")
@@ -133,10 +132,10 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         description='wanted outcome, instead of compare: a column of a sweep and a bound, as "rms_y_m > 1e-3"; if '
         "outcomes are mixed, more values are evaluated on the side where it holds",
     )
-    from_: Literal["initial", "neighbour"] = Field(
+    from_: Literal["initial", "previous"] = Field(
         "initial",
         alias="from",
-        description="initial: each value starts from run.initial and follows the supply program; neighbour: the "
+        description="initial: each value starts from run.initial and follows the supply program; previous: the "
         "motion is continued from the scene's own value in both directions until it changes",
     )
     tolerance: Positive | None = Field(
@@ -174,18 +173,17 @@ class FindPlan(Section, title="Find", populate_by_name=True):
 
     @property
     def of_motion(self) -> bool:
-        """Whether it is the motion that is to change, and not its synchronization or a measure alone."""
+        """Whether the attractor is compared, and not its synchronization or a measure alone."""
         return self.expression is None and self.compare == "attractor"
 
     @property
     def narrow(self) -> float:
-        """Distance of the values below and above a threshold in the end."""
+        """Final distance of the values below and above a threshold."""
         return DEFAULT_TOLERANCE * (self.stop - self.start) if self.tolerance is None else self.tolerance
 
     def measuring(self, times: int, perturbation: float) -> SweepPlan:
-        """Return how a motion settles and is measured, with so many times the settling and measuring time."""
-        return SweepPlan(
-            supply_frequency_hz=Frequencies(start=1.0, stop=1.0),  # a plan has some; nothing is swept
+        """Return how a motion settles and is measured, with ``times`` the settling and measuring time."""
+        return SweepPlan.of_motion(
             max_settle_s=times * self.max_settle_s,
             measure_s=times * self.measure_s,
             perturbation=perturbation,
@@ -247,12 +245,12 @@ class DesignPlan(Section, title="Design"):
         return self
 
     def bound(self, measure: str) -> tuple[float, float]:
-        """Return 1 if a bound is the least value of its measure, −1 if the largest, 0 if it is none; and the value."""
+        """Return 1 if a bound is the minimum of its measure, −1 if the maximum, 0 if it is no bound; and its value."""
         match = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
         return (0.0, 0.0) if match is None else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3]))
 
     def keeps(self, measure: str, values: Any) -> Any:
-        """Return whether values of a measure keep its bound."""
+        """Return whether values of a measure satisfy its bound."""
         sign, limit = self.bound(measure)
         return sign * (values - limit) >= -VIOLATION_TOLERANCE * abs(limit)
 

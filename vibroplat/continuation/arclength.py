@@ -48,7 +48,7 @@ MAX_DEVIATIONS, CORNER_STEP = (0.5, 5.0), 1e-3
 #: Most that a point between two others may lie beside its prediction, over their distance.
 MAX_MIDDLE_DEVIATION = 0.2
 #: How near an impact must be, as a part of its speed, to that below which impacts stick, for an end to be due to it.
-THRESHOLD_DISTANCE, LAW_JUMPS = 1e-4, "an impact reaches contact.sticking_speed_m_per_s, where rebounds begin"
+THRESHOLD_DISTANCE, LAW_JUMPS = 1e-4, "an impact reaches contact.restitution_threshold_m_per_s, where rebounds begin"
 #: Farthest that grazing may be ahead (units of the unknowns), and distances beyond it at which an orbit is looked for,
 #: over how far ahead it is, one after the other; the least of them.
 MAX_GRAZING_DISTANCE, GRAZING_OFFSETS, MIN_GRAZING_OFFSET = 0.3, (1.0, 0.1, 10.0), 1e-5
@@ -179,7 +179,7 @@ class Branch:
     def _law_jumps(self) -> bool:
         """Whether an impact of the last orbit is just as fast as those below which there is no rebound."""
         contact, events = self.problem.shooter.scene.contact, self.points[-1].shot.events
-        bound, speeds = contact.sticking_speed_m_per_s, -events["rate_before"][events["kind"] == IMPACT]
+        bound, speeds = contact.restitution_threshold_m_per_s, -events["rate_before"][events["kind"] == IMPACT]
         return bool((np.abs(speeds - bound) < THRESHOLD_DISTANCE * bound).any()) and contact.restitution > 0.0
 
 

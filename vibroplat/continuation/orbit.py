@@ -377,8 +377,7 @@ def read_guess(scene: Scene, guess: Any) -> tuple[Scene, FloatArray | None]:
                 values[FREQUENCY] = float(guess[SUPPLY])
             phase = guess.get("phase_difference_rad")
             if RATES[0] not in guess and phase is not None and np.isfinite(phase):
-                name = "phase_sum_rad" if scene.rotation == "counter-rotating" else "phase_difference_rad"
-                values[f"run.initial.{name}"] = float(phase)
+                values["run.initial.phase_difference_rad"] = float(phase)
             scene = scene.replace(values)
             if RATES[0] not in guess:
                 return scene, None

@@ -180,9 +180,7 @@ def orbits(scene: Scene, **options: Unpack[Options]) -> Result:
 
 def _required_plan(scene: Scene) -> OrbitsPlan:
     """Return the plan of a scene, if its keys vary continuously; see :class:`OrbitsStudy`."""
-    plan = scene.orbits
-    if plan is None:
-        raise ConfigError("this configuration has no orbits section; add orbits: {key: …, start: …, stop: …}")
+    plan: OrbitsPlan = scene.plan_of("orbits")
     with_orbit_tolerance(scene, plan.tolerance)  # has no program
     if plan.from_ == "state" and scene.run.initial.state is None:
         raise ConfigError("orbits.from = state but run.initial.state is not given; allowed: give it, or settled")

@@ -139,9 +139,9 @@ def with_confidence(count: int, number_of_samples: int) -> str:
 
 
 def elasticity_lines(table: pd.DataFrame, most: int | None = None) -> Iterator[str]:
-    """Yield the largest elasticities of measures, at most so many of them."""
+    """Yield the largest elasticities of measures, ``most`` of them at most."""
     known = table.dropna(subset=["elasticity"])
-    yield "relative change of a measure over that of a key, largest first"
+    yield "relative change of a measure divided by that of a key, largest first"
     rows = []
     for name, own in list(known.groupby("measure", sort=False))[:most]:
         first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index)

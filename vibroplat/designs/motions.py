@@ -40,8 +40,7 @@ MORE_SETTLING, SETTLE_TOLERANCE, MORE_MEASURED = 8.0, 1e-7, 8.0
 
 def settling_plan(scene: Scene) -> SweepPlan:
     """Return how motion settles and is measured: as in the sweep of the scene, if it has one."""
-    supply = scene.drive.largest_frequency
-    return scene.sweep or SweepPlan.model_validate({"supply_frequency_hz": {"start": supply, "stop": supply}})
+    return scene.sweep or SweepPlan.of_motion()
 
 
 def brief_plan(scene: Scene, settling: float = 1.0, measures_at: float = 1.0, **more: float) -> SweepPlan:

@@ -1,4 +1,4 @@
-"""The best values of keys: the least of a measure within bounds of others, by orbits and their gradients.
+"""The best values of keys: the minimum of a measure within bounds of others, by orbits and their gradients.
 
 Each search follows the orbit of the scene as given. What violates the bounds is made small first, so that a box without
 any design that keeps them is found out; then the measure, both by sequential quadratic programming (SLSQP, Kraft 1988).
@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from typing import Any
 
 import numpy as np
 
 from vibroplat.columns import COUNT, FLAG, Column, Columns
 from vibroplat.config.scene import Scene
-from vibroplat.config.study_plans import VIOLATION_TOLERANCE
+from vibroplat.config.study_plans import VIOLATION_TOLERANCE, DesignPlan
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.designs.motions import name_regime, settling_plan
 from vibroplat.designs.samples import sobol_points
@@ -59,9 +60,7 @@ class DesignProblem:
     """
 
     def __init__(self, scene: Scene, names: Sequence[str], known: Record, bounds: Bounds) -> None:
-        plan = scene.design
-        assert plan is not None
-        assert plan.minimize is not None
+        plan: Any = scene.plan_of("design")
         keys, self.names = list(plan.keys), list(names)
         self.low, self.high = np.array(list(plan.keys.values()), float).T
         self.log = self.low > 0.0
@@ -142,13 +141,13 @@ class DesignProblem:
         return max(float(-self.bounds(point).min(initial=0.0)), 0.0)
 
     def objective(self, point: FloatArray) -> FloatArray:
-        """Return the measure that is to be least, over its size in the scene as given, shape (scenes,)."""
+        """Return the measure to minimize, relative to its size in the scene as given, shape (scenes,)."""
         orbits = self.at(point)
         assert orbits is not None
         return np.array([self._measures(k)[self._least] for k in orbits]) / self._unit
 
     def worst(self, point: FloatArray) -> float:
-        """Return the measure that is to be least, in the worst scene."""
+        """Return the measure to minimize, in the worst scene."""
         return float(self.objective(point).max()) * self._unit
 
     def gradients(self, point: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -240,8 +239,7 @@ def run_search(
         ``rows`` of the table of evaluations, and the ``best``: its ``values`` of the keys, ``measures``, and
         ``objective`` in the worst scene; None if the bounds cannot be kept.
     """
-    plan = scene.design
-    assert plan is not None
+    plan: DesignPlan = scene.plan_of("design")
     model = DesignProblem(scene, names, known, bounds)
     with closing(model.local):
         if begin is not None:

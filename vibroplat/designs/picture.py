@@ -1,4 +1,4 @@
-"""Pictures of designs: elasticities of an orbit, measures within tolerances, and what a search looked at."""
+"""Pictures of designs: elasticities of an orbit, measures within tolerances, and the evaluations of searches."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from vibroplat.study import titles
 
 #: Pictures by their names, which are those of the tables that they show.
 OPTIONS = ()
-#: Tolerances that are told, at most, and letters of a line above the first panel, whose middle must lie above it.
+#: Maximum number of listed tolerances, and letters of a line above the first panel, whose middle must lie above it.
 MAX_LISTED, LINE_WIDTH = 10, 88
 #: Ratio of values from which on an axis is logarithmic: searches begin far away.
 LOG_SCALE_RATIO = 5.0
-#: What is said of designs that keep all bounds.
+#: Label of designs that keep all bounds.
 FEASIBLE = "keeps all bounds"
 #: Distance of a bound from samples up to which it is drawn, over their range.
 BOUND_DISTANCE = 0.3
@@ -88,8 +88,8 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
         series=series,
         facets=facets,
         caption=_caption(result, plan),
-        meaning="Relative change of the measure over that of a key. Blue: both grow together, orange: one falls as the "
-        "other grows.",
+        meaning="Relative change of the measure divided by that of a key. Blue: both grow together, orange: one falls"
+        " while the other grows.",
     )
 
 
@@ -145,7 +145,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         series=[picture.Series("", np.arange(len(table)) if panels else np.zeros(0, dtype=int), mode="dots")],
         lines=lines,
         caption=_caption(result, plan, "\n".join(filter(None, more))),
-        meaning="Each dot is a scene within the spread, in the colour of its regime; rings: 5, 50 and 95 %.",
+        meaning="Each dot is a scene within the tolerances, in the colour of its regime; rings: 5, 50 and 95 %.",
     )
 
 
@@ -171,7 +171,7 @@ def _nominal(result: Result, plan: DesignPlan) -> Mapping[str, float]:
 
 
 def _evaluations(result: Result, plan: DesignPlan) -> picture.Picture:
-    """Return all that was looked at, with the best design and the Pareto front behind it."""
+    """Return all evaluated designs, with the best one and the Pareto front behind them."""
     aims = [column for column in (plan.minimize, *plan.constraints) if column]
     table = picture.finite(result.columns("evaluations", (), ("start", *aims)))
     feasible, best = table["feasible"].astype(bool), table[table["best"].astype(bool)].reset_index(drop=True)
@@ -236,7 +236,7 @@ def _reasons(plan: DesignPlan, table: pd.DataFrame) -> pd.Series:
 
 
 def _measures(table: pd.DataFrame, aims: Sequence[str]) -> tuple[list[picture.Panel], str]:
-    """Return the panels of all that was looked at, first of what was asked about, and what is told instead."""
+    """Return the panels of all evaluated designs, the measures of the plan first, and the names of omitted measures."""
     if table.empty:
         return [picture.Panel(aims[0], title="every start lost the orbit")], ""
     others = [

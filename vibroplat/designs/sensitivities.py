@@ -28,7 +28,7 @@ from vibroplat.study.branches import study_table
 from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record
 
-#: Measures that are told of each orbit, if its scene has them.
+#: Measures that are printed of each orbit, if its scene has them.
 PRINTED = (
     *("conveying_speed_m_per_s", "rms_x_m", "rms_y_m", "excitation_frequency_hz", "motor_power_w"),
     *("contact_force_max_n", "stability_margin"),
@@ -200,7 +200,7 @@ def settle_on_orbit(scene: Scene) -> Record:
 
 
 def local_orbit(scene: Scene, keys: Sequence[str], known: Record) -> Neighbourhood:
-    """Find the orbit that a scene's motion has come to, and its neighbourhood; that motion where it has no orbits."""
+    """Find the orbit to which a scene's motion has converged, with its neighbourhood; with transport, the motion."""
     if scene.transport is not None:
         try:
             return MotionNeighbourhood(with_orbit_tolerance(scene, ORBIT_TOLERANCE), keys, known)

@@ -13,6 +13,7 @@ from vibroplat.columns import Column, Columns, unit_of
 from vibroplat.config.digits import DIGITS, decimal, number, percent, places
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
+from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs import optimum
 from vibroplat.designs import samples as of_samples
 from vibroplat.designs import sensitivities as of_keys
@@ -52,7 +53,7 @@ TABLES: dict[str, tuple[str, Columns]] = {
         of_samples.VARIANCE_CONTRIBUTIONS,
     ),
     "evaluations": (
-        "`vibroplat design` with `minimize`: a row for each point that was looked at.",
+        "`vibroplat design` with `minimize`: one row per evaluated point.",
         {**_VARIED, **_MEASURED, **optimum.EVALUATIONS},
     ),
     "pareto": ("`vibroplat design` with `pareto`: one row per bound.", {**_VARIED, **_MEASURED, **optimum.PARETO}),
@@ -73,11 +74,10 @@ class DesignStudy(Study):
     counted = "steps"
 
     def __init__(self, scene: Scene) -> None:
-        if scene.design is None:
-            raise ConfigError("this configuration has no design section; add design: {}")
-        tolerances, self.notes = of_keys.tolerances_of_keys(scene, scene.design.parameter_tolerances)
+        plan = scene.plan_of("design")
+        tolerances, self.notes = of_keys.tolerances_of_keys(scene, plan.parameter_tolerances)
         self.notes += [] if scene.transport is None else [f"{HINT}{NO_ORBITS}"]
-        self.plan = scene.design.model_copy(update={"parameter_tolerances": tolerances})
+        self.plan: DesignPlan = plan.model_copy(update={"parameter_tolerances": tolerances})
         self.scene = scene = scene.model_copy(update={"design": self.plan})
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")

@@ -125,7 +125,7 @@ def _mass(v: Numbers) -> tuple[str, ...]:
 
 
 def _throw(v: Numbers, load: str) -> str:
-    """Write a throw index, 0 if it is nothing beside gravity."""
+    """Write a throw index, 0 if it is negligible."""
     size = v[f"{load}throw_index"]
     return number(0.0 if size < NEGLIGIBLE else size)
 
@@ -167,7 +167,7 @@ def _foundation(v: Numbers, load: str) -> str:
 
 
 def _beside(v: Numbers, load: str) -> Iterator[str]:
-    """Yield what is told of the force on the foundation beside it."""
+    """Yield the remarks on the force into the foundation."""
     yield "along y, empty" if v["loaded_expected"] and not load else "along y"
     if v["isolation"] > 0.0:
         size = percent(v["isolation"]) if v["isolation"] < 1.0 else f"{number(v['isolation'])} times"
@@ -201,7 +201,7 @@ def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
 
 
 def _strokes(v: Numbers, load: str) -> str:
-    """Write the strokes along x and y, without one that is nothing beside the other."""
+    """Write the strokes along x and y, without one that is negligible."""
     sizes = {axis: v[f"{load}stroke_{axis}_m"] for axis in "xy"}
     least = NEGLIGIBLE * max(*sizes.values(), v["stroke_far_above_m"])
     return ", ".join(f"{axis} {quantity(size, 'm')}" for axis, size in sizes.items() if size > least) or "0"

@@ -130,7 +130,7 @@ def _turns(
     mass, damping, stiffness = scene.oscillators[:, 1].tolist()
     step, gravity = 2.0 * math.pi / speed / STEPS, scene.gravity[1]
     together = mass * lower / (mass + lower)
-    slow = max(CONTACT * gravity / speed, scene.contact.sticking_speed_m_per_s)
+    slow = max(CONTACT * gravity / speed, scene.contact.restitution_threshold_m_per_s)
     y, rate, height, height_rate, _, above_rate, _ = state
     ends, sums = np.full((3, 2, steady.size), -np.inf), np.zeros((4, steady.size))
     fundamental: ComplexArray = np.zeros(steady.size, complex)

@@ -112,7 +112,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     p["lower_mass"], p["upper_mass"] = scene.layer_masses
     p["layer_stiffness"], p["layer_damping"] = scene.layer_spring
     p["restitution"] = scene.contact.restitution
-    p["sticking_speed"] = scene.contact.sticking_speed_m_per_s
+    p["sticking_speed"] = scene.contact.restitution_threshold_m_per_s
     p["safe_rotation"] = scene.body.safe_rotation
     for i, (x, y) in enumerate(scene.named_points.values()):
         p["point_x"][i], p["point_y"][i] = x, y

@@ -45,10 +45,18 @@ COPIES = 2
 #: Records, and fields of compiled records.
 Records = npt.NDArray[np.void]
 
-#: Columns of the trajectory table, which are the keys of a full state, and of the Poincaré section.
+#: Columns of the trajectory table, the keys of a full state among them, and of the Poincaré section.
 TRAJECTORY: Columns = {
-    name: Column(State.model_fields[name].description or "")
-    for name in dict.fromkeys(("t_s", "mode", *State.model_fields))
+    "t_s": Column("time"),
+    "mode": Column(
+        "mode: attached (in contact), flight (the material has lifted off) or bare (no contact in this scene); with "
+        "transport stick, slip+ or slip- in contact",
+    ),
+    **{name: Column(field.description or "") for name, field in State.model_fields.items()},
+    "contact_force_n": Column("force between lower layer and platform; impulses of impacts are in the events"),
+    "friction_force_n": Column("force of friction on the material, towards +x"),
+    "supply_frequency_hz": Column("supply frequency, if a program changes it"),
+    **{f"motor_power_{n}_w": Column(f"mechanical power of motor {n}: torque times speed") for n in (1, 2)},
 }
 
 

@@ -62,7 +62,11 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     plot = view.plot(panel, view.across(panel, shown), y)
     for one in bands:
         _band(view, plot, column, one, x_values)
-    for one in (one for one in own if one not in bands):
+    for one in (one for one in own if one.mode == "shade"):
+        for part in np.split(one.places, np.flatnonzero(one.places < 0)):
+            ends = x_values[part[part >= 0][[0, -1]]] if (part >= 0).any() else (0.0, 0.0)
+            plot.box((ends[0], ends[1]), (y.low, y.high), one.colour, one.label)
+    for one in (one for one in own if one.mode not in ("band", "shade")):
         if panel.by and one.mode == "dots":
             own_places = places_of([one])
             _draw_classes(view, plot, panel, own_places, x_values[own_places], y_values[own_places])
@@ -97,6 +101,11 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     """Draw a series: its line, and dots where there is none or where points are not as usual."""
     name = ", ".join(filter(None, (plain_text(series.label), plain_text(series.look))))
     places = places_of([series])
+    if series.mode == "stems":
+        ends, ups = (
+            np.stack(of, axis=1).ravel() for of in ([x[places]] * 3, [0.0 * y[places], y[places], np.nan * x[places]])
+        )
+        plot.curve(ends, ups, "", series.colour, width=1.0)
     state = np.append(view.picture.states, np.full(len(x), FULL))[places]
     full = (state == FULL) | (series.mode == "dots")
     odd = ~full & (state != LOST) & (series.mode != "lines")

@@ -25,7 +25,7 @@ from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
-from vibroplat.page.run import RunCurves, run_curves
+from vibroplat.page.run import ShownRun, shown_run
 from vibroplat.page.tables import align_lines, fold, hint, listing, parameters_html, table_html
 from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
@@ -40,7 +40,7 @@ from vibroplat.results.tables import replace_file, require_replaceable
 BEGINS = b"<!doctype html"
 #: Name of the page where none is given.
 NAME = "report.html"
-#: Most runs whose data sheet has room beside their curves.
+#: Maximum number of runs whose data sheet has room next to their curves.
 MAX_SHEETS = 2
 #: Last events of a run on the page.
 EVENTS = 100
@@ -117,9 +117,9 @@ class Report:
         return [one for one in self.results if isinstance(one, RunResult)]
 
     @cached_property
-    def run_curves(self) -> list[RunCurves]:
+    def run_curves(self) -> list[ShownRun]:
         """What is shown of each run that has rows."""
-        found = [run_curves(one, _events(one), self.start, self.stop) for one in self.runs]
+        found = [shown_run(one, _events(one), self.start, self.stop) for one in self.runs]
         return [one for one in found if one is not None]
 
     @cached_property
@@ -258,10 +258,8 @@ class Report:
         """Return what is folded: all curves, events, what was printed, parameters, and how it was made."""
         html = ""
         if self._curves is not None:
-            figures, count, none = self._curves.all_figures()
-            empty = f"; nothing to see in {', '.join(none)}" if none else ""
-            contents = f"{count} quantities, each turn of the whole run and {self._curves.last}{empty}"
-            html += fold("All curves", contents, f'{hint(_READING)}<div class="pair">{figures}</div>')
+            figures, count = self._curves.all_figures()
+            html += fold("All curves", f"{count} quantities", hint(_READING) + figures)
         for one, events in ((one, _events(one)) for one in self.runs):
             name = f"events of {one.label}" if len(self.runs) > 1 else "events"
             kinds = ", ".join(f"{number} {kind}" for kind, number in events["kind"].value_counts().items())

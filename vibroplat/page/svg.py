@@ -147,7 +147,7 @@ class Scale:
 
 
 def nice_step(span: float, most: int) -> float:
-    """Return 1, 2 or 5 times a power of ten that divides an interval into so many parts at most."""
+    """Return 1, 2 or 5 times a power of ten that divides an interval into at most ``most`` parts."""
     part = span / max(most, 1)
     if not (part > 0.0 and math.isfinite(part)):
         return 1.0
@@ -257,7 +257,7 @@ class Plot:
     def band(self, x: Any, low: Any, high: Any, name: str, colour: str) -> None:
         """Fill what is between two curves."""
         across, down, up = self.x.share(x), self.y.share(low), self.y.share(high)
-        known = np.isfinite(down) & np.isfinite(up)
+        known = np.isfinite(across + down + up)
         there, back = (across[known], up[known]), (across[known][::-1], down[known][::-1])
         line = path(*(np.concatenate(pair) for pair in zip(there, back, strict=True)))
         self._add("band", line and f"{line}z", name, f"fill:{colour}33", f"stroke:{colour}")

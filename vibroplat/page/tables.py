@@ -32,7 +32,7 @@ def rows_on_page(table: pd.DataFrame) -> Any:
 
 
 def fold(title: str, more: str, body: str) -> str:
-    """Return HTML that is folded below its title, with more told beside it."""
+    """Return HTML that is folded below its title, with further words next to the title."""
     small = f" <small>{escape(more)}</small>" if more else ""
     return f"<details><summary>{escape(capital(title))}{small}</summary>{body}</details>"
 

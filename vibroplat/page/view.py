@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name, quantity_of
+from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name
 from vibroplat.page.machine import base64_of
-from vibroplat.page.run import wrap_phase
 from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text, unit_for
+from vibroplat.plots.axes import in_units, shown_quantity
 from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
 
 #: Patterns of lines by matplotlib's names, in points of the screen.
@@ -47,12 +47,13 @@ class View:
         if column not in points or not pd.api.types.is_numeric_dtype(points[column]):
             return np.full(len(points), np.nan)
         numbers: Floats = points[column].to_numpy(dtype=float, na_value=np.nan)
-        return wrap_phase(numbers) if column == PHASE_COLUMN else numbers
+        return in_units(numbers, column) if column == PHASE_COLUMN else numbers
 
     def across(self, panel: Panel, series: Sequence[Series]) -> Scale:
-        """Return the horizontal axis, the same for all panels of a picture."""
+        """Return the horizontal axis, the same for all panels of a picture, or of a facet with an axis of its own."""
         column = panel.x or self.axis
-        shown = series if panel.x else self.picture.series
+        own = panel.x or any(facet.width for facet in self.picture.facets)
+        shown = series if own else self.picture.series
         values = self.reached(column, places_of(shown) if shown else np.arange(len(self.picture.points)))
         return Scale.of(values, column, label=axis_name(column), log=self.picture.log(column))
 
@@ -103,7 +104,7 @@ class View:
 
 def axis_name(column: str) -> str:
     """Return what a column is called on an axis, without its unit; in words where a symbol has an index."""
-    name = quantity_of(column).name
+    name = shown_quantity(column).name
     return indexed_name(column) if "_" in name or plain_text(name) == display_name(column) else plain_text(name)
 
 
@@ -111,12 +112,12 @@ def heading(panel: Panel) -> str:
     """Return what is said above a panel."""
     label = plain_text(panel.label)
     words = label.rpartition(" (")[0] if label.endswith(")") else label
-    return plain_text(panel.title) or words or axis_name(panel.column)
+    return ": ".join(filter(None, (words, plain_text(panel.title)))) or axis_name(panel.column)
 
 
 def shown_at(column: str, value: float) -> float:
     """Return a value as an axis of its column has it."""
-    return float(wrap_phase(value)) if column == PHASE_COLUMN else float(value)
+    return float(in_units(value, column)) if column == PHASE_COLUMN else float(value)
 
 
 def dashes(dash: Any) -> str:

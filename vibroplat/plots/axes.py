@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator
 
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, Quantity, describe_sync, quantity_of
 from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
 from vibroplat.results.picture import REFERENCE, SYNC
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -26,19 +27,24 @@ AXIS_MARGIN, MIN_RANGE_RATIO = 0.05, 1e-3
 NEAR_DECADES = 300.0
 
 
+def shown_quantity(column: str) -> Quantity:
+    """Return the name and unit of a column on an axis."""
+    return _SHOWN.get(column) or quantity_of(column)
+
+
 def in_units(values: Any, column: str) -> FloatArray:
     """Return values of a column in the unit of its axis; phase differences lie on their axis."""
     numbers = np.asarray(values, dtype=float)
     if column == PHASE_COLUMN:
         return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE
-    return (_SHOWN.get(column) or quantity_of(column)).factor * numbers
+    return shown_quantity(column).factor * numbers
 
 
 def label_of(column: str) -> str:
     """Return what a column is called on an axis, with its unit."""
     if column in (EXCITATION, SUPPLY) or "." in column:
         return key_label(column)
-    return (_SHOWN.get(column) or quantity_of(column)).label
+    return shown_quantity(column).label
 
 
 def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> None:
@@ -76,6 +82,8 @@ def widen_ticks(axis: Axes, which: Literal["x", "y"], least: float = 0.0) -> Non
 
 def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
     """Make an axis logarithmic once all is drawn, with plain numbers as its ticks."""
+    from matplotlib.ticker import LogLocator  # noqa: PLC0415  (the page draws without it)
+
     axis.set(**{f"{which}scale": "log"})
     along = axis.xaxis if which == "x" else axis.yaxis
     low, high = along.get_view_interval()

@@ -23,9 +23,9 @@ from vibroplat.hybrid.state import static_rest
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.plots.histories import run_of
 from vibroplat.plots.run import FROM_REST
-from vibroplat.plots.style import MATERIAL, PLATFORM, head, new_figure, styled
+from vibroplat.plots.style import head, new_figure, styled
 from vibroplat.results.files import directory_of
-from vibroplat.results.picture import CURVES
+from vibroplat.results.picture import BLUE, CURVES, VERMILION
 from vibroplat.results.run import RunResult
 from vibroplat.results.tables import replace_file, require_replaceable
 
@@ -136,7 +136,7 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Pain
     stage.set_title(f"displacements × {machine.magnification:g}")
     cursors = []
     for axis, (column, label, colour) in zip(
-        axes[:, 1], (("y_m", FROM_REST, PLATFORM), ("gap_m", "gap (mm)", MATERIAL)), strict=False
+        axes[:, 1], (("y_m", FROM_REST, BLUE), ("gap_m", "gap (mm)", VERMILION)), strict=False
     ):
         axis.plot(times, 1e3 * moving[column], color=colour)
         axis.set(ylabel=label, xlim=(times[0], times[-1]))

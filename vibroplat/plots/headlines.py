@@ -9,14 +9,15 @@ from vibroplat.results.labels import capital, plain
 from vibroplat.results.run_answer import headline as answer_of
 from vibroplat.results.sheet import Sheet
 
-#: Rows of the short data sheet that the title of a figure shows, by the beginnings of their labels.
+#: Rows of the short data sheet that the title of a figure shows, by their columns.
+_STROKES, _ACCELERATIONS = {"stroke_x_m", "stroke_y_m"}, {"gamma", "acceleration_max_m_per_s2"}
 _ROWS = {
-    "motion": ("stroke", "rotation", "throw index"),
-    "conveying": ("conveying",),
-    "loads": ("foundation", "stroke"),
-    "force": ("throw index",),
-    "acceleration": ("throw index", "acceleration"),
-    "spectrum": ("throw index", "acceleration"),
+    "motion": _STROKES | {"rms_phi_rad", "gamma"},
+    "conveying": {"conveying_speed_m_per_s"},
+    "loads": _STROKES | {"foundation_force_x_max_n", "foundation_force_y_max_n"},
+    "force": {"gamma"},
+    "acceleration": _ACCELERATIONS,
+    "spectrum": _ACCELERATIONS,
 }
 
 
@@ -43,9 +44,7 @@ def _sentences(kind: str, run: RunTables) -> Iterator[str]:
     sheet = Sheet(run.scene, run.summary)
     if sheet.transient:
         yield sheet.transient.removeprefix("while ")
-    for label, value, *words in sheet.short():
-        if not label.startswith(_ROWS[kind]):
-            continue
+    for label, value, *words in (row.short for row in sheet.short_rows() if row.column in _ROWS[kind]):
         parts = "; ".join(words).split("; ")
         largest = [part for part in parts if part.startswith("largest ")]
         if not sheet.transient:

@@ -3,8 +3,8 @@
 The spectrum of accelerations is that of amplitudes: of the last whole turns of exciter 1 that are shown, at the times
 of the output grid, without the mean, weighted with Hann's window, it is the size of numpy's real FFT over half the sum
 of the weights. An oscillation that repeats within these turns so has its amplitude at its frequency, and nothing two
-lines beside it (Harris, On the use of windows for harmonic analysis, Proc. IEEE 66, 1978). Impacts make accelerations
-jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above.
+lines away from it (Harris, On the use of windows for harmonic analysis, Proc. IEEE 66, 1978). Impacts make
+accelerations jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
 from vibroplat.plots.axes import FloatArray
-from vibroplat.plots.reading import Cut, ends_of, rest_of, turn_edges, with_forces
+from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of, turn_edges, with_forces
 from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
@@ -42,7 +42,9 @@ LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 RATES, SPEEDS = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s"), ("speed_1_hz", "speed_2_hz")
 _ANGLES = ("phi1_rad", "phi2_rad")
 _MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
-#: Range of accelerations along an axis, and of lines of a spectrum, over the largest one, from which they are shown.
+#: Columns that the page shows in addition: the upper layer relative to the lower one, and powers of both motors.
+FURTHER, POWERS = "upper_m", ("motor_power_1_w", "motor_power_2_w")
+#: Minimum range of accelerations along an axis, and of lines of a spectrum, relative to the largest one, to be shown.
 MATTERS = 1e-3
 #: Relative difference of the accelerations of points that move alike, and number of spectral lines that are named.
 SAME, NAMED_PEAKS = 0.015, 3
@@ -59,7 +61,7 @@ class RunTables:
     whole
         The trajectory in that interval, thinned out.
     envelope
-        Its least and largest values in whole turns: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
+        Its minima and maxima in whole turns: columns ``t_s``, ``y_m:min``, ``y_m:max`` …
     shown
         The rows shown in detail: all in the interval if one was given, otherwise the last turns.
     events
@@ -72,6 +74,8 @@ class RunTables:
         Whether y is counted from the static rest; if that is not known, it is as in the table.
     summary
         The summary of the whole run.
+    ends
+        First and last row of the whole run, and rows evenly over it.
     """
 
     name: str
@@ -84,6 +88,7 @@ class RunTables:
     chosen: bool
     from_rest: bool
     summary: Mapping[str, Any] = field(default_factory=dict)
+    ends: Ends | None = None
 
     @property
     def turns(self) -> float:
@@ -155,13 +160,19 @@ def run_of(
     detail = max(begin, end - max(SHOWN_TURNS / frequency, sparse)) if frequency and not chosen else begin
     sag = summary.get("static_sag_m") if scene is None else -rest_of(scene)
     moved = () if scene is None else acceleration_columns(scene.output.points)
-    optional = {*COORDINATES, *_MOVING_RATES, *moved, *more} - {"t_s", "mode", "y_m", *_ANGLES, *RATES}
+    optional = {*COORDINATES, *_MOVING_RATES, FURTHER, *POWERS, *moved, *more} - {
+        "t_s",
+        "mode",
+        "y_m",
+        *_ANGLES,
+        *RATES,
+    }
     senses = [-1.0 if ends.last[angle] < ends.first[angle] else 1.0 for angle in _ANGLES]
     parts = (
         _with_more(part, scene, senses).assign(y_m=part["y_m"] + (sag or 0.0))
         for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES, *RATES), optional)
     )
-    columns = (*COORDINATES, *FORCES, *SPEEDS)
+    columns = (*COORDINATES, *FORCES, *SPEEDS, FURTHER, *POWERS)
     edges = turn_edges(ends.evenly, begin, end, BINS)
     curves = Cut(parts, (detail, end), edges, columns, every=math.ceil(ends.rows / POINTS))
     if curves.shown["t_s"].nunique() < 2:
@@ -170,7 +181,7 @@ def run_of(
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
     co_rotating = summary.get("rotation") == "co-rotating"
     cut = (curves.thinned, curves.envelope(), curves.shown, shown_events)
-    return RunTables(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary)
+    return RunTables(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary, ends)
 
 
 def whole_of(result: RunResult, more: Iterable[str] = ()) -> pd.DataFrame:

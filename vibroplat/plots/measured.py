@@ -17,11 +17,10 @@ import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 
 from vibroplat.columns import PHASE_COLUMN, display_name
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, percent
@@ -31,6 +30,9 @@ from vibroplat.plots.axes import in_units
 from vibroplat.results.labels import is_number, plain
 from vibroplat.results.picture import BLACK
 from vibroplat.system.memory import size_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LOG = logging.getLogger("vibroplat")
 

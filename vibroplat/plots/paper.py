@@ -76,7 +76,7 @@ class _PaperFigure:
         """Add a panel of branches over f; curves have points, a name and a colour, the first ones are wide."""
         for number, (rows, name, colour) in enumerate(curves):
             sweeps = Sweeps([], [], self.add(rows), key_of(rows), grid_of(rows), EXCITATION)
-            series, jumps, _ = curves_of(sweeps, [column], {"": colour}, mark_aperiodic=True)
+            series, jumps = curves_of(sweeps, [column], {"": colour}, mark_aperiodic=True)
             wide: dict[str, Any] = {"label": name, "of": (title,), "width": 1.4 - 0.25 * number}
             self.series += [
                 replace(one, **wide) if one.mode == "lines" else replace(one, of=(title,)) for one in series

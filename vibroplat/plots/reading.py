@@ -18,7 +18,7 @@ from vibroplat.results.picture import finite
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 
-#: Rows from which the turns of exciters follow, and the longest time that a turn is waited for (s).
+#: Number of rows from which the turns of exciters are counted, and maximum length of a part without a whole turn (s).
 EVENLY, SLOW = 100_000, 0.5
 
 
@@ -72,7 +72,7 @@ def turn_edges(evenly: pd.DataFrame, begin: float, end: float, most: int) -> Flo
     """Return the ends (s) of about so many parts of an interval, in each of which the slower exciter turns whole times.
 
     The last part has what is left of a turn. Where turns take longer than ``SLOW`` seconds, parts are about that long:
-    what shakes as one exciter turns or swings is no range of a turn of the other one.
+    vibration by an exciter that turns or swings alone has no range in turns of the other one.
     """
     rows = evenly[evenly["t_s"].between(begin, end)]
     turns, first = np.unique(count_turns(rows)[:, 0], return_index=True)
@@ -98,7 +98,7 @@ class Cut:
     shown
         Interval of which all rows are kept (s).
     edges
-        Ends of the parts of the interval that is thinned in which extremes are looked for (s).
+        Ends of the parts of the interval that is thinned in which minima and maxima are computed (s).
     columns
         Columns of which the extremes are kept.
     every

@@ -16,14 +16,25 @@ from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import SPEEDS, RunTables, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.style import CONTACT, FORCE, MATERIAL, PLATFORM
 from vibroplat.results import picture
 from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
-from vibroplat.results.picture import BLACK, BROKEN, CURVES, LOW, ORANGE, REFERENCE, Facet, Panel
+from vibroplat.results.picture import (
+    BLACK,
+    BLUE,
+    BROKEN,
+    CURVES,
+    GREEN,
+    LOW,
+    ORANGE,
+    REFERENCE,
+    VERMILION,
+    Facet,
+    Panel,
+)
 from vibroplat.results.run import RunResult
 
 OPTIONS = ("start", "stop", "data")
-#: Range of a coordinate over the largest one, above which it has a panel.
+#: Minimum range of a coordinate, relative to the largest one, to have a panel.
 MIN_RANGE = 0.05
 #: Most turns that are drawn as a line; more of them as a range.
 MOST_TURNS = 60
@@ -31,8 +42,10 @@ MOST_TURNS = 60
 TIMES, SAME = 401, 0.015
 #: Ratio of the largest to the smallest drawn line of a spectrum, orders of an exciter shown, and those with a name.
 DEPTH, ORDERS, NAMED = 1e4, 20, 10
+#: Shade of contact.
+CONTACT = "#e3eaf0"
 #: Colours of columns of one run; quantities along x are orange in all figures.
-_COLOURS = {"gap_m": MATERIAL, "contact_force_n": FORCE, "x_m": ORANGE, "force_x_n": ORANGE}
+_COLOURS = {"gap_m": VERMILION, "contact_force_n": GREEN, "x_m": ORANGE, "force_x_n": ORANGE}
 #: The platform's coordinates; and the name of the axis of y where it is counted from the static rest.
 _MOVING, FROM_REST = ("y_m", "x_m", "phi_rad"), "$y$ from rest (mm)"
 #: Columns whose largest value of the whole run is marked, and what the summary calls it.
@@ -76,24 +89,30 @@ class RunPicture:
         """Whether last turns are counted from a whole turn of exciter 1, to compare those of several runs."""
         return self.only is None and self.data is None and not any(run.chosen for run in self.runs)
 
+    def anew(self) -> RunPicture:
+        """Return it without series."""
+        return RunPicture(self.runs, self.data, self.names)
+
     def last(self, run: RunTables) -> pd.DataFrame:
         """Return the last turns of a run."""
         if not self.aligned:
             return run.last
         turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
         begin = float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
-        return run.last[run.last["t_s"] >= begin].assign(t_s=run.last["t_s"] - begin)
+        shortest = min(float(np.ptp(one.last["t_s"])) for one in self.runs)
+        return run.last[run.last["t_s"].between(begin, begin + shortest)].assign(t_s=run.last["t_s"] - begin)
 
     def during(self, run: RunTables) -> pd.DataFrame:
         """Return the events of the last turns, at the times of these."""
         last = self.last(run)
-        begin = float(run.last.loc[last.index[0], "t_s"]) - float(last["t_s"].iloc[0])
-        return run.events[run.events["t_s"] >= float(run.last["t_s"].iloc[0])].assign(t_s=lambda t: t["t_s"] - begin)
+        begin, end = run.last.loc[last.index[[0, -1]], "t_s"]
+        inside = run.events[run.events["t_s"].between(begin, end)]
+        return inside.assign(t_s=inside["t_s"] - (begin - float(last["t_s"].iloc[0])))
 
     def colour(self, run: RunTables, column: str) -> str:
         """Return the colour of a quantity, or of each run if there are several."""
         number = next(number for number, one in enumerate(self.runs) if one is run)
-        return _COLOURS.get(column, PLATFORM) if self.only else CURVES[number % len(CURVES)]
+        return _COLOURS.get(column, BLUE) if self.only else CURVES[number % len(CURVES)]
 
     def called(self, run: RunTables, alone: str = "") -> str:
         """Return the name of one of several runs."""
@@ -196,7 +215,7 @@ def pictures(
     if not drawn:
         able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
         raise TableError(f"figure {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
-    yield from (FIGURES[kind](replace(shown, parts=[], series=[], words=[], whole=[])) for kind in drawn)
+    yield from (FIGURES[kind](shown.anew()) for kind in drawn)
 
 
 def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
@@ -223,7 +242,7 @@ def missing(kind: str, shown: RunPicture) -> str:
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
 
 
-def _curve(shown: RunPicture, run: RunTables, column: str, panel: str = "", label: str = "", **look: Any) -> None:
+def curve(shown: RunPicture, run: RunTables, column: str, panel: str = "", label: str = "", **look: Any) -> None:
     """Draw a column of a run: its range in each turn of the whole run, and its last turns."""
     look = {"colour": shown.colour(run, column), "of": (panel or column,)} | look
     low, high = (run.envelope[f"{column}:{end}"] for end in ("min", "max"))
@@ -238,7 +257,7 @@ def _curve(shown: RunPicture, run: RunTables, column: str, panel: str = "", labe
 def _coordinate(shown: RunPicture, column: str) -> None:
     """Draw a coordinate; if there is one run, contact is shaded and impacts are marked."""
     for run in (run for run in shown.runs if column in run.shown):
-        _curve(shown, run, column, label=shown.called(run))
+        curve(shown, run, column, label=shown.called(run))
         if shown.only and "gap_m" in run.shown and run.turns <= MOST_TURNS and column not in FORCES:
             _contact(shown, run, column)
 
@@ -316,15 +335,20 @@ def _exciters(shown: RunPicture) -> picture.Picture:
 
 
 def _speeds(shown: RunPicture) -> None:
-    """Draw the speeds of both exciters, of which the second is dashed; those that coincide are one line."""
-    for run in shown.runs:
-        first, second = (run.envelope[[f"{name}:min", f"{name}:max"]].mean(axis=1) for name in SPEEDS)
+    """Draw the speeds of both exciters."""
+    of_both(shown, SPEEDS, "speed_hz", "exciter")
+
+
+def of_both(shown: RunPicture, names: Sequence[str], panel: str, noun: str) -> None:
+    """Draw columns of both exciters, of which the second is dashed; those that coincide are one line."""
+    for run in (run for run in shown.runs if names[0] in run.shown):
+        first, second = (run.envelope[[f"{name}:min", f"{name}:max"]].mean(axis=1) for name in names)
         apart = bool((first - second).abs().max() > SAME * max(first.abs().max(), second.abs().max()))
-        for number, name in enumerate(SPEEDS if apart else SPEEDS[:1]):
-            called = f"exciter {number + 1}" if apart else "exciter 1 = 2"
+        for number, name in enumerate(names if apart else names[:1]):
+            called = f"{noun} {number + 1}" if apart else f"{noun} 1 = 2"
             look = {"colour": CURVES[number] if shown.only else shown.colour(run, ""), "dash": "--" if number else "-"}
             look |= {"look": called} if shown.names else {}
-            _curve(shown, run, name, "speed_hz", shown.called(run, called), **look)
+            curve(shown, run, name, panel, shown.called(run, called), **look)
 
 
 def _synchronous_speed(shown: RunPicture, run: RunTables) -> None:
@@ -356,7 +380,9 @@ def _loads(shown: RunPicture) -> picture.Picture:
         if shown.only:
             _peak(shown, shown.only, column)
     _speeds(shown)
-    return shown.picture("loads", [*(shown.panel(column) for column in columns), _SPEEDS])
+    static = shown.only.summary.get("foundation_force_y_mean_n") if shown.only else None
+    lines = [picture.Line("force_y_n", [-static], "static force", ":")] if static else []
+    return shown.picture("loads", [*(shown.panel(column) for column in columns), _SPEEDS], lines=lines)
 
 
 def _peak(shown: RunPicture, run: RunTables, column: str) -> None:

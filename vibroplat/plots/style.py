@@ -19,14 +19,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import AutoLocator, FuncFormatter, MaxNLocator, ScalarFormatter
 
 from vibroplat.config import digits
-from vibroplat.results.picture import BLUE, GREEN, VERMILION
 from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
-PLATFORM, MATERIAL, FORCE = BLUE, VERMILION, GREEN
-#: Shade of contact.
-CONTACT = "#e3eaf0"
 #: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
 MOST_ENTRIES = 24
 #: Room for a tick of a horizontal and of a vertical axis (inch), and letters of a label of the latter that an inch has.

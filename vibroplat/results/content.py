@@ -23,7 +23,7 @@ DRAWN = (
 )
 #: Least range of an axis of RMS, relative to the largest RMS: small quantities are drawn small.
 LEAST_RANGE = 0.02
-#: Range of a measure over its size up to which it is told, not drawn.
+#: Range of a measure relative to its size up to which its value is written, not drawn.
 STEADY = 2e-3
 #: Distance of a phase difference from 0 and from π up to which strips of synchronization say it all (rad), and the
 #: fraction of points that may lie farther away.

@@ -251,7 +251,7 @@ def read_provenance(directory: Path) -> dict[str, Any]:
     schema = origin.get("schema") if isinstance(origin, dict) else None
     if type(schema) is not int or schema not in (1, SCHEMA):
         raise TableError(f"{directory} holds results of schema {schema}; this version reads schemas 1 and {SCHEMA}")
-    if schema == 1 and isinstance(origin.get("configuration"), dict):
+    if isinstance(origin.get("configuration"), dict):
         rename_keys(origin["configuration"])
     return dict(origin)
 

@@ -40,7 +40,7 @@ FULL, OPEN, HALF, LOST = range(4)
 MOTIONS = ("periodic", "not periodic", "undecided", "failed")
 #: The place at which a line is broken, and the end of the columns that have the lower ends of bands.
 BROKEN, LOW = -1, ":min"
-#: Distance of two points over that of others beside them, from which strips do not go from one to the other.
+#: Distance of two points relative to that of their neighbours from which strips do not go from one to the other.
 MAX_GAP_RATIO = 4.0
 #: What exciters do that are not synchronous.
 NOT_SYNCHRONOUS = "not synchronous"
@@ -123,8 +123,8 @@ class Series:
     rows
         Places of its points; :data:`BROKEN` where its line is.
     mode
-        ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones. In print also
-        ``band``: between a column and that whose name ends with :data:`LOW`; ``stems`` from 0; ``shade`` of the whole
+        ``lines`` (a single point is a dot), ``markers``, ``both``, or ``dots``: many small ones; ``band``:
+        between a column and that whose name ends with :data:`LOW`; ``stems`` from 0; ``shade`` of the whole
         height, between the breaks of the series.
     symbol, dash, width, size, pale
         Matplotlib's marker and style of lines, factors of its width and of markers, and whether it is half transparent.
@@ -232,8 +232,8 @@ class Strip(NamedTuple):
 def _neighbourhoods(at: Any) -> tuple[Any, Any]:
     """Return from where to where points at ascending values reach.
 
-    They reach half way to the next; where that is :data:`FAR` as far as usual and as beside it, as after a jump, as
-    far as usual there: nothing is known of what is between.
+    They reach half way to the next. Where that is :data:`MAX_GAP_RATIO` times the usual distance, as after a jump, they
+    reach as far as usual: nothing is known of what is between.
     """
     edges = halfway(at)
     low, high = edges[:-1].copy(), edges[1:].copy()

@@ -1,11 +1,11 @@
-"""Results of schema 1 under the present names of columns, values, tables and keys."""
+"""Results of former versions under the present names of columns, values, tables and keys."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING, Any
 
-from vibroplat.config.schema import RENAMED_KEYS
+from vibroplat.config.schema import REMOVED_KEYS, RENAMED_KEYS, RENAMED_VALUES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,18 +54,29 @@ def rename_summary(summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def rename_keys(configuration: dict[str, Any]) -> None:
-    """Give the keys of a configuration their present names, and the measures that its sections name."""
+    """Give the keys of a configuration their present names, and the measures that its sections name; drop old keys."""
+    for old in REMOVED_KEYS:
+        section, key = _section_of(configuration, old)
+        section.pop(key, None)
     for old, new in RENAMED_KEYS.items():
-        section, _, key = old.partition(".")
-        given = configuration.get(section)
-        if isinstance(given, dict) and key in given:
-            value = given.pop(key)
-            settled = {"orbits": "newton", "motion": "section"} if old == "sweep.settle" else {}
-            given[new.partition(".")[2]] = settled.get(value, value) if isinstance(value, str) else value
-    for section in ("find", "design"):
-        given = configuration.get(section)
-        plan = given if isinstance(given, dict) else {}
+        section, key = _section_of(configuration, old)
+        if key in section:
+            section[new.rpartition(".")[2]] = section.pop(key)
+    for name, values in RENAMED_VALUES.items():
+        section, key = _section_of(configuration, name)
+        if isinstance(section.get(key), str):
+            section[key] = values.get(section[key], section[key])
+    for name in ("find", "design"):
+        plan, _ = _section_of(configuration, f"{name}.")
         plan |= {key: _rename_measures(plan[key]) for key in _OF_MEASURES if key in plan}
+
+
+def _section_of(configuration: Any, name: str) -> tuple[dict[str, Any], str]:
+    """Return the section of a dotted key, an empty one if a configuration has none, and the key's last part."""
+    *sections, key = name.split(".")
+    for section in sections:
+        configuration = configuration.get(section) if isinstance(configuration, dict) else None
+    return (configuration if isinstance(configuration, dict) else {}), key
 
 
 def _rename_measures(value: Any) -> Any:

@@ -16,7 +16,7 @@ from vibroplat.observe.summary import synchronization
 from vibroplat.results.answer import are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import SETTLED, limit_text, phase_text, speeds_of_both, transient
 
-#: Rotation at the exciters' distance, over the largest stroke, above which the short print has it.
+#: Minimum rotation, as a stroke at the exciters' distance relative to the largest stroke, to be in the short print.
 MIN_ROTATION = 0.1
 #: Most named points and springs in the short print.
 MAX_POINTS = 4
@@ -46,6 +46,8 @@ class Row(NamedTuple):
         Largest value of the whole run, and when that was.
     short
         Label, value and further words in the short print; empty if it is not there.
+    column
+        Column of the value, of rows that have one value.
     """
 
     label: str
@@ -54,6 +56,7 @@ class Row(NamedTuple):
     most: str = ""
     when: str = ""
     short: tuple[str, ...] = ()
+    column: str = ""
 
     @property
     def peak(self) -> str:
@@ -120,17 +123,23 @@ class Sheet:
         known = {name: [row for row in rows if any(row[1:5])] for name, rows in groups.items()}
         self.groups = {name: rows for name, rows in known.items() if rows}
 
+    def short_rows(self) -> list[Row]:
+        """Return the rows of the short print; none if forces or strokes are not known."""
+        if self.numbers["foundation_force_y_rms_n"] is None or self.numbers["stroke_y_m"] is None:
+            return []
+        groups = [rows[: MAX_POINTS if name == POINTS else None] for name, rows in self.groups.items()]
+        return [row for rows in groups for row in rows if row.short and row.now]
+
     def short(self) -> Iterator[tuple[str, ...]]:
         """Yield labels, values and further words of the short print; none if forces or strokes are not known."""
-        s = self.numbers
-        if s["foundation_force_y_rms_n"] is None or s["stroke_y_m"] is None:
+        s, rows = self.numbers, self.short_rows()
+        if not rows:
             return
         if self.transient:
             window = interval(s["measured_from_s"], s["measured_to_s"], "s")
             yield "no steady motion", window, f"values of this time, {self.transient}"
         of_seeds = s.get("peaks_of_seeds")
-        for name, rows in self.groups.items():
-            yield from (row.short for row in rows[: MAX_POINTS if name == POINTS else None] if row.short and row.now)
+        yield from (row.short for row in rows)
         if of_seeds:
             count, captured = of_seeds["seeds"], of_seeds.get("captured")
             ends = f"at least {captured} are captured" if captured else "times are of the first"
@@ -184,7 +193,9 @@ class Sheet:
         A value that is negligible relative to ``largest`` is 0 and has no time.
         """
         error = min(error, 0.5 * (self.numbers[column] or 0.0))
-        return Row(label, self._text(column, largest=largest, error=error), "", *self._peak(column, largest))
+        return Row(
+            label, self._text(column, largest=largest, error=error), "", *self._peak(column, largest), column=column
+        )
 
     @cached_property
     def _left(self) -> tuple[float, float]:
@@ -232,7 +243,7 @@ class Sheet:
         rms = [s["rms_x_m"], s["rms_y_m"]]
         still = NEGLIGIBLE * max(rms) / arm if arm else None
         turned, most = (self._text(key, error=still) for key in ("rms_phi_rad", "phi_max_rad"))
-        rotation = Row("rotation", turned, "RMS of phi" * (turned != "0"), most)
+        rotation = Row("rotation", turned, "RMS of phi" * (turned != "0"), most, column="rms_phi_rad")
         rocks = s["rms_phi_rad"] * arm * 2.0 * math.sqrt(2.0) > MIN_ROTATION * largest
         acceleration = self._row("acceleration", "acceleration_max_m_per_s2")
         floats = not self.scene.machine.gravity_m_per_s2
@@ -280,7 +291,8 @@ class Sheet:
         rows = rows[2:] if runs_away or speed == "0" else rows
         carried = rows[0].now if rows[0].label == "throughput" else "in this time, it runs away" * runs_away
         modes, sheared = f"sticks {sticks}, slips {slips} of the time", self._text("sheared_fraction")
-        row = Row("conveying speed", speed, f"± {error}" * (error not in ("", "0") and speed != "0"))
+        also = f"± {error}" * (error not in ("", "0") and speed != "0")
+        row = Row("conveying speed", speed, also, column="conveying_speed_m_per_s")
         return [
             row.shortly("conveying speed", row.also, carried, "" if runs_away else modes),
             *rows,

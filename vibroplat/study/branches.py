@@ -72,8 +72,8 @@ class SweepBranch:
     @property
     def plan(self) -> SweepPlan:
         """How its points settle and are measured."""
-        assert self.scene.sweep is not None
-        return self.scene.sweep
+        plan: SweepPlan = self.scene.plan_of("sweep")
+        return plan
 
     @cached_property
     def swept(self) -> str:
@@ -111,9 +111,7 @@ def branches(scene: Scene) -> list[SweepBranch]:
         The scene has no section ``sweep``, or a drive program, or begins where a run ended; or the key has no numbers,
         or a value of it or of the grid is not allowed.
     """
-    plan = scene.sweep
-    if plan is None:
-        raise ConfigError("this configuration has no sweep section; add sweep: {supply_frequency_hz: …}")
+    plan: SweepPlan = scene.plan_of("sweep")
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given, but a sweep sets the supply itself; allowed: supply_frequency_hz")
     if scene.run.initial.from_ is not None:

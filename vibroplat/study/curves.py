@@ -1,7 +1,4 @@
-"""Branches of a sweep as curves, jumps, and strips of what the exciters do.
-
-A curve that coincides with another one is told.
-"""
+"""Branches of a sweep as curves, jumps, and strips of what the exciters do."""
 
 from __future__ import annotations
 
@@ -21,8 +18,8 @@ from vibroplat.study.sweeps import Sweeps, key_of
 
 #: Most values of a key that have colours of their own; more of them follow a colour scale.
 MAX_COLOURS = 5
-#: Distance of curves that coincide, and height of a jump that has an arrow, over the range of a panel.
-SAME_DISTANCE, MIN_ARROW_HEIGHT = 0.015, 0.05
+#: Height of a jump that has an arrow, relative to the range of its panel.
+MIN_ARROW_HEIGHT = 0.05
 #: Most strips of a picture.
 MAX_STRIPS = 12
 #: Classes of periods of a bifurcation diagram, their colours and meanings.
@@ -58,10 +55,10 @@ class _Branch(NamedTuple):
 
 def curves_of(
     sweeps: Sweeps, columns: Sequence[str], colours: Mapping[str, str], *, mark_aperiodic: bool
-) -> tuple[list[picture.Series], list[picture.Jump], list[str]]:
-    """Return branches as series in panels of columns, their jumps, and which of them coincide.
+) -> tuple[list[picture.Series], list[picture.Jump]]:
+    """Return branches as series in panels of columns, and their jumps.
 
-    Those that do in all panels and on the horizontal axis are drawn once. ``colours`` are those of their labels. Ways
+    ``colours`` are those of their labels. Ways
     down lie below ways up, and so are seen where they differ. With ``mark_aperiodic`` points whose motion does not
     repeat are marked, as no strips say it.
     """
@@ -71,28 +68,18 @@ def curves_of(
         width = _size([*colours].index(label), len(colours))
         one = _Branch(rows, label, direction, colours[label], width, find_jumps(rows))
         groups.setdefault(label, []).append(one)
-    spans = {column: _range_of(sweeps.table, column) for column in columns}
-    places = sweeps.table[sweeps.x].dropna().astype(float)
-    across = {} if places.empty else {sweeps.x: float(np.ptp(places))}
-    drawn = dict[str, list[str]]()
-    for label, group in groups.items():
-        alike = (one for one in drawn if len(groups) <= MAX_COLOURS and _coincide(groups[one], group, spans | across))
-        drawn.setdefault(next(alike, label), []).append(label)
-    shown = {label: columns if label in drawn else () for label in groups}
-    equal = [_equal(labels) for labels in drawn.values() if len(labels) > 1]
     branches = sorted((one for group in groups.values() for one in group), key=lambda one: one.direction != "down")
-    series = [made for one in branches for made in _series_of(one, shown[one.label], mark_aperiodic=mark_aperiodic)]
-    jumps = [jump for one in branches for jump in _jumps_of(one, groups[one.label][0], shown[one.label], sweeps.table)]
-    return series, jumps, equal
+    series = [made for one in branches for made in _series_of(one, columns, mark_aperiodic=mark_aperiodic)]
+    jumps = [jump for one in branches for jump in _jumps_of(one, groups[one.label][0], columns, sweeps.table)]
+    return series, jumps
 
 
 def _series_of(one: _Branch, columns: Sequence[str], *, mark_aperiodic: bool) -> Iterator[picture.Series]:
     """Yield the line of a branch, broken where the motion jumps, and the points that are marked on it."""
-    if columns:
-        places = np.insert(one.rows.index.to_numpy(), np.flatnonzero(one.jumps) + 1, picture.BROKEN)
-        look: dict[str, Any] = {"dash": "--" if one.direction == "down" else "-", "width": one.width}
-        way = f"{key_name(key_of(one.rows))} {one.direction}"
-        yield picture.Series(one.label, places, way, one.colour, "lines", of=tuple(columns), **look)
+    places = np.insert(one.rows.index.to_numpy(), np.flatnonzero(one.jumps) + 1, picture.BROKEN)
+    look: dict[str, Any] = {"dash": "--" if one.direction == "down" else "-", "width": one.width}
+    way = f"{key_name(key_of(one.rows))} {one.direction}"
+    yield picture.Series(one.label, places, way, one.colour, "lines", of=tuple(columns), **look)
     marked = failed_of(one.rows) | (mark_aperiodic & open_of(one.rows))
     if marked.any():
         yield picture.Series("", one.rows.index[marked].to_numpy(), "", one.colour, "markers", size=0.7)
@@ -109,25 +96,6 @@ def _range_of(table: pd.DataFrame, column: str) -> float:
 def _size_of(change: Any, column: str) -> Any:
     """Return how large a change is; of phase differences on their circle."""
     return np.abs(np.angle(np.exp(1j * change)) if column == PHASE_COLUMN else change)
-
-
-def _coincide(first: Sequence[_Branch], others: Sequence[_Branch], spans: Mapping[str, float]) -> bool:
-    """Whether the branches of two combinations are the same in all columns of a figure, up to the width of a line."""
-    if [one.direction for one in first] != [one.direction for one in others]:
-        return False
-    for (one, other), (column, span) in itertools.product(zip(first, others, strict=True), spans.items()):
-        a, b = (branch.values(column).dropna() for branch in (one, other))
-        if {*a.index} != {*b.index}:
-            return False
-        aligned = b[~b.index.duplicated()].reindex(a.index)
-        if (_size_of(a.to_numpy() - aligned.to_numpy(), column) > SAME_DISTANCE * span).any():
-            return False
-    return any(not failed_of(one.rows).all() for one in first)
-
-
-def _equal(labels: Sequence[str]) -> str:
-    """Say that curves coincide: "mass ratio 0 = 0.1"."""
-    return " = ".join([labels[0], *(_short(label, labels) for label in labels[1:])])
 
 
 def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.DataFrame) -> Iterator[picture.Jump]:

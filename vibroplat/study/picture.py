@@ -99,7 +99,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
     )
-    series, jumps, equal = curves_of(sweeps, [panel.column for panel in panels], colours, mark_aperiodic=strips is None)
+    series, jumps = curves_of(sweeps, [panel.column for panel in panels], colours, mark_aperiodic=strips is None)
     practice, drawn = _practice(sweeps, drawn, colours)
     formula = " Bands: conveying speed by formulas of practice, from the path of the platform." if practice else ""
     known = sweeps.x if drawn[sweeps.x].notna().any() else sweeps.key
@@ -118,7 +118,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
         states=content.motions_of(table),
         rotation=sweeps.rotation,
         scale=scale,
-        caption=sweeps.caption(left, f"curves coincide: {'; '.join(equal)}" if equal else ""),
+        caption=sweeps.caption(left),
         meaning=f"Solid: up; dashed: down, seen where it differs; arrows: jumps; ×: failed.{formula}{sweeps.meaning}",
         orbits=picture.Orbits(table),
     )

@@ -17,7 +17,7 @@ from vibroplat.study.sweeps import Sweeps
 
 #: Symbols of frequencies.
 SYMBOLS = {EXCITATION: "$f$", SUPPLY: "$f_e$"}
-#: Most numbers that are told one by one.
+#: Maximum number of values that are listed.
 MAX_LISTED = 3
 
 

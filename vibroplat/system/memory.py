@@ -9,7 +9,7 @@ from pathlib import Path
 
 from vibroplat.errors import VibroplatError
 
-#: Part of the available memory that a run may keep. The rest is for tables made of it, and for other programs.
+#: Fraction of the available memory that a run may keep. The rest is for tables made of it, and for other programs.
 FRACTION = 0.5
 #: Memory (bytes) after which a run looks again how much is available.
 INTERVAL = 16 * 2**20
@@ -130,7 +130,7 @@ def _limit_of_addresses() -> float:
 
 
 class MemoryBudget:
-    """The share of memory that a run may keep, for all that it keeps.
+    """The memory that a run may keep, for all that it keeps.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Values of a key at which an outcome changes: ``values`` measures at one, ``search`` narrows, ``tables`` tells."""
+"""Values of a key at which an outcome changes: ``values`` measures at one, ``search`` narrows, ``study`` reports."""

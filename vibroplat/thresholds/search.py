@@ -98,7 +98,7 @@ class ThresholdSearch:
 
     def thresholds(self) -> tuple[list[ScanPoint], list[Threshold]]:
         """Return the values of the scan in ascending order, and the thresholds between them."""
-        if self.plan.from_ == "neighbour":
+        if self.plan.from_ == "previous":
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
         changes = self._changes(scan)
@@ -135,9 +135,9 @@ class ThresholdSearch:
     def _value(
         self, at: float, stage: str, near: ScanPoint | None = None, times: int = 1, other: int = 0
     ) -> Tasks[ScanPoint]:
-        """Look at a value of the key; with neighbours the motion is carried on from ``near``."""
+        """Evaluate a value of the key; with ``previous`` the motion continues from ``near``."""
         scene, state = self.scene.replace({self.plan.key: at}), None
-        if near is not None and near.state is not None and self.plan.from_ == "neighbour":
+        if near is not None and near.state is not None and self.plan.from_ == "previous":
             before = self.scene.replace({self.plan.key: near.value})
             scene, state = with_final_supply(scene), convert_state(near.state, before, scene)
         seed = self.scene.run.seed + other
@@ -160,7 +160,7 @@ class ThresholdSearch:
             ).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
-    # -- from neighbour to neighbour -----------------------------------------------------------------------------------
+    # -- from value to value -----------------------------------------------------------------------------------
 
     def _scan_outward(self) -> tuple[list[ScanPoint], list[Threshold]]:
         """Carry the motion on from the scene's own value of the key in both directions."""
@@ -202,7 +202,7 @@ class ThresholdSearch:
     # -- one change ----------------------------------------------------------------------------------------------------
 
     def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
-        """Narrow a change between two values, the motion of the first of which is carried on with neighbours.
+        """Narrow a change between two values, the motion of the first of which is continued with ``previous``.
 
         There is none where measures that leap between values of the scan meet as they draw nearer.
         """
@@ -211,7 +211,7 @@ class ThresholdSearch:
             point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), evaluated)
             if point is not None:
                 return point, evaluated
-            if self.plan.from_ == "neighbour":
+            if self.plan.from_ == "previous":
                 break
         first = one
         while abs(other.value - one.value) > self.plan.narrow:
@@ -224,7 +224,7 @@ class ThresholdSearch:
             return None, evaluated
         kind = "level-crossing" if meet else "jump"
         for end in (one, other):
-            longer = yield from self._value(end.value, "extended", first if self.plan.from_ == "neighbour" else None, 2)
+            longer = yield from self._value(end.value, "extended", first if self.plan.from_ == "previous" else None, 2)
             evaluated.append(longer)
             if longer.failed or not self._alike(longer, end):
                 kind = "unresolved-transient"
@@ -277,7 +277,7 @@ class ThresholdSearch:
         if not (known and self._continuous(begin.value) and self._continuous(end)):
             return None
         span = abs(end - begin.value)
-        steps = StepPlan(first=0.25 * min(step, 0.5 * span), largest=min(step, 0.5 * span))
+        steps = StepPlan(first=0.25 * min(step, 0.5 * span), max=min(step, 0.5 * span))
         orbits = OrbitsPlan(
             key=self.plan.key, start=begin.value, stop=end, period=period, from_="state", switch=[], step=steps
         )
@@ -291,7 +291,7 @@ class ThresholdSearch:
             return None
         columns = {"motion": "periodic", "outcome": "ok"}
         branch = [ScanPoint(row["value"], "orbit", {**row, **columns}, row["state"]) for row in rows[:ends]]
-        if self.plan.from_ == "neighbour":
+        if self.plan.from_ == "previous":
             evaluated += branch[1:]
         at = special[0]["value"]
         inner = yield from self._value(at + CHECK_OFFSET * (begin.value - at), "beside", branch[-1])
@@ -314,9 +314,9 @@ class ThresholdSearch:
         Rounds of starts, each with a seed of its own, follow beyond both ends of a mixed interval and beyond both sides
         of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
         measures meet within their standard errors, where a measure of chaos scatters around a level. Nothing is
-        searched for with neighbours, where the outcome at a value depends on the way to it.
+        searched for with ``previous``, where the outcome at a value depends on the way to it.
         """
-        if self.plan.from_ == "neighbour":
+        if self.plan.from_ == "previous":
             return zones([*scan, *self.evaluated], thresholds, self.plan)
         searched: set[tuple[float, bool]] = set()
         for number in range(MAX_ROUNDS + 1):
@@ -353,7 +353,7 @@ class ThresholdSearch:
     def _challenge(
         self, at: float, seeds: Sequence[int], zone: Zone, upward: bool
     ) -> Tasks[tuple[None, list[ScanPoint]]]:
-        """Look at one value with these seeds, until one contradicts what is known beyond this end of a zone."""
+        """Evaluate one value with these seeds, until one contradicts what is known beyond this end of a zone."""
         evaluated: list[ScanPoint] = []
         nearest = zone.side(upward).nearest
         for seed in seeds:

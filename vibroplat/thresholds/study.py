@@ -1,4 +1,4 @@
-"""The study ``find`` of a scene: its tables, and what is printed of them."""
+"""The study ``find`` of a scene: its tables and its printed answer."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class ThresholdStudy(Study):
         values = values[values["outcome"] == "ok"]
         for _, row in result.thresholds.iterrows():
             mixed = pd.notna(row["mixed_low"])
-            if self.plan.from_ == "neighbour" or (row["kind"] == "unresolved-transient" and not mixed):
+            if self.plan.from_ == "previous" or (row["kind"] == "unresolved-transient" and not mixed):
                 continue
             for side in ("below", "above"):
                 at, seed = float(row[side]), self.scene.run.seed
@@ -170,7 +170,7 @@ class ThresholdStudy(Study):
     def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
         sides = [zone.side(upward) for zone in zones for upward in (False, True)]
-        sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "beside each change"
+        sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "near each change"
         if sure:
             risk = f"less than {percent(max(side.max_other_fraction for side in sure))} of other starts {where} differ"
             beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
@@ -338,9 +338,7 @@ def _columns(scene: Scene) -> Columns:
 
 def _required_plan(scene: Scene) -> FindPlan:
     """Return the plan of a scene; see :class:`ThresholdStudy` for what is refused."""
-    plan = scene.find
-    if plan is None:
-        raise ConfigError("this configuration has no find section; add find: {key: …, start: …, stop: …}")
+    plan: FindPlan = scene.plan_of("find")
     with errors_about("find"):
         for value in plan.over.upward:
             scene.replace({plan.key: value})

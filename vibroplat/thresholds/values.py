@@ -1,4 +1,4 @@
-"""The motion that is reached at one value of a key, and how two of them differ."""
+"""The motion at one value of a key, and the difference of two motions."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class ScanPoint(NamedTuple):
 
     Attributes
     ----------
-    at
-        The value.
-    stage
+    value
+        Value of the key.
+    reason
         Why it was evaluated.
     row, state
         As of a point of a sweep.
