@@ -5,7 +5,6 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from common.random_scenes import random_scene
 
@@ -20,11 +19,9 @@ from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import initial_state, state_scales, static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.study.classification import same_phase
-from vibroplat.study.pool import pool
-from vibroplat.study.store import Store
 
 PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
-GAP, CLOSING, RATE = (f"run.initial.state.{name}" for name in ("gap_m", "gap_rate_m_per_s", "phi1_rate_rad_per_s"))
+GAP, RATE = (f"run.initial.state.{name}" for name in ("gap_m", "phi1_rate_rad_per_s"))
 
 
 def scene_of(starts, ratio=0.0, **changes):
@@ -112,11 +109,6 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     assert math.isnan(lost["rms_y_m"])
     assert len(result.answer.failures) == 5
     assert {line.partition(" by ")[0] for line in result.answer.failures} == {"beyond-model: the platform has turned"}
-    figure = result.plot()
-    shown = "\n".join(text.get_text() for text in figure.legends[0].get_texts())
-    assert "antiphase, chaotic" in shown
-    assert "beyond-model" in shown
-    assert figure.get_suptitle().replace("\n", " ").endswith("of 10 initial conditions")
 
 
 @pytest.fixture(scope="module")
@@ -133,26 +125,6 @@ def test_an_attractor_is_carried_from_a_platform_without_material(over):
     sags = [static_rest(scene.replace({"material.mass_ratio": ratio}))[6] for ratio in (0.05, 0.1)]
     assert tables.attractors["upper_m"].iloc[0] == 0.0
     assert tables.attractors["upper_m"].tolist()[1:] == pytest.approx(sags, rel=0.5)
-
-
-def test_interrupted_and_resumed_the_answer_over_a_key_is_the_same(over, tmp_path):
-    scene, whole = over
-    study = BasinsStudy(scene)
-
-    def interrupted(done, known):
-        if done == 6:
-            raise KeyboardInterrupt
-
-    def answered(progress, *, resume=False):
-        with Store(tmp_path, {}, resume=resume) as store, pool() as workers:
-            return dict(study.run(store, workers, progress).tables), store.reused
-
-    with pytest.raises(KeyboardInterrupt):
-        answered(interrupted)
-    tables, reused = answered(lambda done, known: None, resume=True)
-    assert reused > 0
-    for name, table in tables.items():
-        pd.testing.assert_frame_equal(table, getattr(whole, name), check_exact=True)
 
 
 def test_orbits_are_looked_for_after_chaos_too():
@@ -196,19 +168,9 @@ def test_bounds_hold_the_share():
             "basins: initial_conditions.'run.initial.y' is no key of an initial condition; did you mean run.",
         ),
         (
-            {PHASE: [1, 1]},
-            {},
-            f"basins: initial_conditions.{PHASE} = [1, 1] is empty; allowed: a low end below the high one",
-        ),
-        (
             {PHASE: [0, 1, 1.5]},
             {},
             f"basins: initial_conditions.{PHASE} = […, 1.5]; allowed: a whole number from 2 as count",
-        ),
-        (
-            {PHASE: [0, 1], "phase_difference_rad": [0, 2]},
-            {},
-            "basins.initial_conditions: initial_conditions has",
         ),
         ({PHASE: [0, 1, 5]}, {"random": 5}, "basins: random = 5 but every range of initial_conditions has a count"),
         (
@@ -216,7 +178,6 @@ def test_bounds_hold_the_share():
             {"ratio": 0.1},
             "basins.initial_conditions: run.initial.state.gap_m = -0.001; allowed: at least 0",
         ),
-        ({CLOSING: [-0.1, 0.1]}, {"ratio": 0.1}, f"basins.initial_conditions: {CLOSING} = -0.1 closes a gap"),
         ({GAP: [0, 1e-3]}, {}, "this scene has no such coordinate"),
         (
             {SPEED: [0, 1], RATE: [0, 1]},
@@ -227,11 +188,6 @@ def test_bounds_hold_the_share():
             {PHASE: [0, 1]},
             {"state": {"y_m": 0.02}},
             "basins.initial_conditions: run.initial.state is given; allowed: keys of state",
-        ),
-        (
-            {PHASE: [0, 1]},
-            {"from": "other"},
-            "basins.initial_conditions: run.initial.from is given; allowed: phases, or state",
         ),
         ({PHASE: [0, 1]}, {"over": {"key": "run.duration_s", "start": 1, "stop": 2, "count": 2}}, "cannot be varied"),
     ],
@@ -282,12 +238,6 @@ def test_radius_is_of_the_crossings_that_have_an_ellipsoid(monkeypatch):
         assert (mapper.attractors[0]["radius"], mapper.attractors[0]["ellipsoids"]) == (0.25, 2)
 
 
-def test_what_is_printed_says_within_how_many_turns(found):
-    _, tables = found
-    assert set(tables.attractors["within_turns"]) == {6000}
-    assert tables.answer.lines["initial conditions"].endswith(", for at most 6000 turns")
-
-
 def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_another_engine():
     """Their ends differ from engine to engine."""
     scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, max_turns=200).replace({"solver.max_events_per_period": 1})
@@ -302,7 +252,7 @@ def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_ano
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("frequency", "ratio", "restitution"), [(55.6, 0.202, 0.4), (57.9, 0.161, 0.3)])
+@pytest.mark.parametrize(("frequency", "ratio", "restitution"), [(55.6, 0.202, 0.4)])
 def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     """Ellipsoids that were tested in the scales of the state held saddles: 101 of 395 and 36 of 400 were wrong."""
     starts, longest = 80, 3000

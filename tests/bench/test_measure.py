@@ -1,14 +1,10 @@
 """What ``vibroplat bench`` measures, writes and says: errors, run times at equal errors, and what studies cost."""
 
-import re
-
 import numpy as np
 import pandas as pd
 import pytest
-from common.places import ROOT
 
 from vibroplat.bench import measure, studies
-from vibroplat.cli.bench import DURATIONS
 
 
 @pytest.fixture(scope="module")
@@ -100,15 +96,6 @@ def test_branches_are_as_exact_as_sweeps_that_settle_longest():
     assert (table["error"] < [1e-8, 1e-2, 1e-6, 1e-8]).all()
 
 
-@pytest.mark.long
-@pytest.mark.usefixtures("kernels")
-def test_engines_assign_starts_alike():
-    table = studies.cost_of_basins(1, 4)
-    assert list(table["engine"]) == ["taylor", "native"]
-    assert list(table["unlike"]) == [0, 0]
-    assert table["over_taylor"].iloc[0] == 1.0
-
-
 @pytest.fixture
 def short(monkeypatch):
     scene = measure.cases()["attached"].replace({"run.duration_s": 0.05})
@@ -142,13 +129,3 @@ def test_all_benchmarks_and_some_are_not_asked_for_at_once(command, here):
     done = command("bench", "engines", "--long")
     line = "engines --long: --long runs all benchmarks; allowed: names or --long"
     assert (done.code, done.out, done.err) == (2, "", f"vibroplat: {line}\n")
-
-
-def test_durations_are_said_in_one_way(command):
-    """In the help of the command, and where its results are discussed."""
-    printed = " ".join(command("bench", "--help").out.split())
-    page = (ROOT / "results/benchmarks/README.md").read_text(encoding="utf-8")
-    for name, duration in DURATIONS.items():
-        assert f"{name} ({duration})" in printed if name else f"in {duration}" in printed
-        command_line = f"vibroplat bench {name}".strip()
-        assert re.findall(rf"^\| `{command_line}` \|.*\| (.*) \|$", page, re.MULTILINE) == [duration]

@@ -55,15 +55,3 @@ def test_reference_is_the_motion_of_the_tables(name, table):
     assert errors["event_time_s"] < 1e-12
     rows = known.trajectory.set_index(known.trajectory["t_s"].round(9)).loc[found.trajectory["t_s"].round(9)]
     assert np.abs(rows["y_m"].to_numpy() - found.trajectory["y_m"].to_numpy()).max() < 1e-11
-
-
-def test_storm_of_a_peer_is_an_error(monkeypatch):
-    def storm(system, t, y, until, wanted):
-        end = y.copy()
-        end[-2] = -1.0  # gap rate, with two layers
-        return [t + 1e-9], end[np.newaxis], True
-
-    monkeypatch.setitem(peers.PEERS, "bouncing", lambda *_: storm)
-    scene = measure.cases()["attached"].replace({"contact.restitution": 0.5})
-    with pytest.raises(RuntimeError, match="event-storm: 5000 restarts within "):
-        peers.solver_of("bouncing", scene, 1e-6).run([])

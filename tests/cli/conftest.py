@@ -7,22 +7,16 @@ from common.results import unproven
 
 
 @pytest.fixture(scope="session")
-def finished_commands(vibroplat, tmp_path_factory):
-    """Two short runs with the default output directory: ``quickstart`` in Parquet, ``bare`` in CSV."""
+def written(vibroplat, tmp_path_factory):
+    """Directories of two short runs where they are by default: ``quickstart`` in Parquet, ``bare`` in CSV."""
     short = ("run", QUICKSTART, "--set", "run.duration_s=0.2")
     bare = ("--format", "csv", "--set", "name=bare", "--set", "material.mass_ratio=0.0")
     place = tmp_path_factory.mktemp("place")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
-        done = {"quickstart": vibroplat(*short, cwd=place), "bare": commands.command(*short, *bare)}
-    assert {name: (d.code, d.err) for name, d in done.items()} == dict.fromkeys(done, (0, ""))
-    return done, place / "results"
-
-
-@pytest.fixture(scope="session")
-def written(finished_commands):
-    """Their result directories."""
-    return finished_commands[1]
+        done = vibroplat(*short, cwd=place), commands.command(*short, *bare)
+    assert [(one.code, one.err) for one in done] == [(0, "")] * 2
+    return place / "results"
 
 
 @pytest.fixture

@@ -113,28 +113,6 @@ def test_run_writes_tables_summary_and_provenance(name, form, written):
     assert ("gap_m" in trajectory) == (name == "quickstart")
 
 
-@pytest.mark.parametrize("name", ["quickstart", "bare"])
-def test_run_prints_a_summary_and_where_the_tables_are(name, finished_commands):
-    first, *_, last = finished_commands[0][name].out.splitlines()
-    assert re.match(rf"{name}: runs at 25\.\d\d Hz \(15\d\d rpm\), antiphase: vibrates along y", first)
-    assert last == f"results/{name}/run: again with -v: all; next: vibroplat report results/{name}"
-    lines = load(finished_commands[1] / name).answer.lines
-    assert (lines["outcome"], lines["simulated"]) == ("ok", "0.200 s")
-    assert re.fullmatch(r"0\.1\d* s … 0\.1\d* s, [12] whole turns?", lines["measured"])
-    assert re.fullmatch(r"\S+( mm)?, \S+ mm", lines["RMS x, y"])
-    assert re.fullmatch(r"−?\d+ °, antiphase", lines["phase difference"])
-    assert ("in flight" in lines) == ("contact force, largest" in lines) == (name == "quickstart")
-    if name == "quickstart":
-        events = read_table(finished_commands[1] / f"{name}/run", "events")
-        summary = read_json(finished_commands[1] / f"{name}/run", "summary")
-        begin, end = summary["measured_from_s"], summary["measured_to_s"]
-        measured, whole = (
-            ", ".join(str((part["kind"] == kind).sum()) for kind in ("liftoff", "impact", "chatter"))
-            for part in (events[events["t_s"].between(begin, end)], events)
-        )
-        assert lines["liftoffs, impacts, chatters"] == f"{measured}; in the whole run {whole}"
-
-
 def test_run_prints_and_keeps_its_notes(command, kernels, here):
     """Those of the samples as well, which Python's summary does not have."""
     (here / "own.yaml").write_text("machine: {stiffness_y_n_per_m: 470.0}\n")
@@ -179,18 +157,6 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     assert load(directory).answer.lines["measured"] == "nothing: the run ended before 0.500 s"
 
 
-def test_run_without_a_first_step_exits_1_and_writes_empty_tables(command, tmp_path):
-    done = command("run", QUICKSTART, *settings("run.initial.state={phi_rad: 1.0e20}"), *SHORT, "--out", tmp_path)
-    assert done.code == 1
-    assert len(done.err.splitlines()) == 1
-    assert done.err.startswith("vibroplat: beyond-model: the platform has turned by 1e+20 rad")
-    directory = tmp_path / "quickstart/run"
-    assert read_table(directory, "trajectory").empty
-    assert read_json(directory, "summary")["simulated_s"] == 0.0
-    told = f"vibroplat: {directory} holds an empty trajectory; there is nothing to plot\n"
-    assert command("plot", directory) == (2, "", told)
-
-
 # -- provenance -----------------------------------------------------------------------------------------
 
 
@@ -221,13 +187,6 @@ def test_provenance_says_where_a_result_came_from(written):
         name: hashlib.sha256((written / "quickstart/run" / name).read_bytes()).hexdigest()
         for name in ("trajectory.parquet", "events.parquet", "summary.json")
     }
-
-
-def test_commit_is_none_outside_of_a_checkout(monkeypatch, tmp_path):
-    monkeypatch.setattr("vibroplat.results.provenance.__file__", str(tmp_path / "provenance.py"))
-    assert provenance(Scene(), "none")["git_commit"] is None
-    monkeypatch.setenv("PATH", "")
-    assert provenance(Scene(), "none")["git_commit"] is None
 
 
 def test_hash_is_that_of_what_is_simulated():

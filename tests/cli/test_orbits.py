@@ -8,7 +8,7 @@ import pytest
 from common.commands import command as run_command
 from common.commands import not_a_line
 from common.orbits import traced
-from common.results import bits, left
+from common.results import left
 
 from vibroplat import load, load_config, orbit
 from vibroplat.motion.run import load_kernels
@@ -19,7 +19,6 @@ HEAD = f"extends: {MACHINE}\nname: c\nsolver: {{engine: taylor}}\n"
 KEY = "key: drive.supply_frequency_hz"
 STEP = "step: {first: 0.4, max: 0.5}"
 ORBITS = f"orbits: {{{KEY}, start: 47.0, stop: 49.0, {STEP}, grid: {{material.mass_ratio: [0.0, 0.1]}}}}\n"
-TABLES = ("branches", "special")
 
 
 @pytest.fixture(autouse=True)
@@ -40,10 +39,6 @@ def config(here):
 
 def results(directory="results/c/orbits"):
     return left(Path(directory))[0]
-
-
-def tables(directory="results/c/orbits"):
-    return {name: bits(table) for name, table in results(directory).items() if name.startswith(TABLES)}
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -69,16 +68,6 @@ def worker(place, address, *options, path=None, **environment):
     """A worker with the packages of a directory, these without it, in a nanny unless options say otherwise."""
     common = ("--nthreads", "1", "--no-dashboard", "--local-directory", place)
     return _process(place, "worker", address, *common, *options, path=path, **environment)
-
-
-def other_package(place, name, old, new):
-    """A directory with this package in which a line of one file is changed."""
-    shutil.copytree(PACKAGE, place / "vibroplat")  # with its machine code
-    file = place / "vibroplat" / name
-    text = file.read_text(encoding="utf-8")
-    assert text.count(old) == 1
-    file.write_text(text.replace(old, new), encoding="utf-8")
-    return place
 
 
 def await_workers(address, number):

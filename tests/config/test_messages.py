@@ -50,28 +50,19 @@ MESSAGES = {
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
         "name: a\ncalibration: {}": "unknown key calibration in line 2; it was removed: results/README.md describes "
         "how configs/machines/calibrated.yaml was found",
-        "sweep:\n  confirm: orbits": "unknown key sweep.confirm in line 2; it was removed: with settle_by = newton "
-        "points are orbits; `vibroplat orbits` gives their multipliers",
-        "basins:\n  starts: {}": "unknown key basins.starts in line 2; it is now "
-        "basins.initial_conditions (and 1 more)",
         "run: {initial: {phase_sum_rad: 0}}": "unknown key run.initial.phase_sum_rad in line 1; it is now "
         "run.initial.phase_difference_rad",
         "orbits: {step: {least: 0}, key: x, start: 0, stop: 1}": "unknown key orbits.step.least in line 1; it was "
         "removed: a branch ends where steps become smaller than 1e-8 of the range",
-        "design: {spread: {}}": "unknown key design.spread in line 1; it is now design.parameter_tolerances",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
-        "contact: {restitution: true}": "contact.restitution = True; allowed: a number",
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
-        "name: 3": "name = 3; allowed: text",
         "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
         "material: {layers: true}": "material.layers = True; allowed: 1 or 2",
         "contact: {model: Impact}": "contact.model = 'Impact'; allowed: 'impact' or 'non-impact'",
-        program(f"{START}, exciter_1: 0"): "drive.program.0.exciter_1 = 0; allowed: 'on' or 'off'",
         program(f"{START}, off: off"): "drive.program.0.off = 'off'; allowed: true or false",
         program("off: true"): "drive.program.0.t_s is missing; allowed: a value",
-        "drive: [1]": f"drive = [1]; allowed: {SECTION}",
         "motors: {a: 1}": "motors = {'a': 1}; allowed: a list",
         "motors: [{}]": "motors = [{}]; allowed: entries, at least 2",
     },
@@ -80,7 +71,6 @@ MESSAGES = {
         "run: {duration_s: 0}": "run.duration_s = 0; allowed: more than 0.0",
         "machine: {platform_mass_kg: .nan}": "machine.platform_mass_kg = nan; allowed: a finite number",
         "machine: {platform_mass_kg: 1e31}": "machine.platform_mass_kg = 1e+31; allowed: at most 1e+30",
-        "machine: {platform_mass_kg: 1e-31}": "machine.platform_mass_kg = 1e-31; allowed: at least 1e-30",
         f"motor: {{pole_pairs: 1{'0' * 400}}}": f"motor.pole_pairs = 1{'0' * 56}...; allowed: at most 1000",
         program(START, "t_s: 1, supply_frequency_hz: 5e-4"): "drive.program.1: supply_frequency_hz = 0.0005; "
         "allowed: 0, or at least 0.001",
@@ -88,10 +78,6 @@ MESSAGES = {
         "with engine taylor",
         "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}": "run.duration_s = 4.0 takes 1e+12 turns at the "
         "synchronous speed; allowed: at most 1e+09",
-        "drive: {supply_frequency_hz: 1e8}\nsolver: {engine: sundae}": "run.duration_s = 4.0 takes 2e+08 turns at the "
-        "synchronous speed; allowed with engine sundae: at most 5e+07",
-        "sweep: {supply_frequency_hz: {start: 1.0, stop: 4.0e9, step: 1e9}, max_settle_s: 0.1}": "sweep.measure_s = "
-        "2.0 takes 4e+09 turns at the synchronous speed; allowed: at most 1e+09",
         f"{GRID}{{contact.restitution: [.nan]}}}}": "sweep.grid: contact.restitution = [nan]; "
         "allowed: numbers up to 1e+30",
         "name: ../up": f"name = '../up'; allowed: {NAME}, as name: up",
@@ -108,24 +94,14 @@ MESSAGES = {
     "keys that exclude each other": {
         "material: {natural_frequency_hz: 18.5, stiffness_n_per_m: 100}": "material: "
         + both("natural_frequency_hz", "stiffness_n_per_m"),
-        "material: {damping_ratio: 0.1, damping_n_s_per_m: 1}": "material: "
-        + both("damping_ratio", "damping_n_s_per_m"),
         "motor: {}\nmotors: [{}, {}]": both("motor", "motors"),
-        "motor: {}\nexciters: [{}, {}]": both("motor", "exciters"),
-        "motors: [{}, {}]\nexciters: [{}, {}]": both("motors", "exciters"),
         "exciters: [{}, {}]\nmachine: {unbalance_radius_m: 0.1}": both("exciters", "machine.unbalance_radius_m"),
-        "exciters: [{}, {}]\nmachine: {rotor_inertia_kg_m2: 0.1}": both("exciters", "machine.rotor_inertia_kg_m2"),
         "exciters: [{unbalance_radius_m: 0.1, static_moment_kg_m: 1}, {}]": "exciters.0: "
         + both("unbalance_radius_m", "static_moment_kg_m"),
         f"motor: {{{PLATE}, rated_speed_rpm: 1425, critical_slip: 0.1}}": "motor: "
         + both("rated_power_w", "critical_slip"),
         "run: {initial: {state: {y_m: 0}, phi1_rad: 0}}": "run.initial: " + both("state", "phi1_rad"),
-        "run: {initial: {state: {y_m: 0}, from: x}}": "run.initial: " + both("state", "from"),
-        "run: {initial: {from: x, phase_difference_rad: 0}}": "run.initial: " + both("from", "phase_difference_rad"),
-        "drive: {supply_frequency_hz: 50, program: [{t_s: 0, supply_frequency_hz: 50}]}": "drive: "
-        + both("supply_frequency_hz", "program"),
         program(f"{START}, exciter_1: off, off: true"): "drive.program.0: " + both("off", "exciter_1"),
-        program(f"{START}, exciter_2: on, off: false"): "drive.program.0: " + both("off", "exciter_2"),
     },
     "values that do not go together": {
         f"motor: {{{PLATE[PLATE.index(',') + 2 :]}, rated_speed_rpm: 1425, critical_slip: 0.1}}": "motor: "
@@ -143,8 +119,6 @@ MESSAGES = {
         "closes a gap that is 0; allowed: at least 0 while gap_m is 0",
         "run: {initial: {state: {gap_m: 0.1}}}": "run.initial.state.gap_m = 0.1 but this scene has no such coordinate; "
         "allowed: leave it out",
-        f"{THIN}run: {{initial: {{state: {{upper_rate_m_per_s: 0.1}}}}}}": "run.initial.state.upper_rate_m_per_s = "
-        "0.1 but this scene has no such coordinate; allowed: leave it out",
     },
     "programs": {
         program(): "drive: program is empty; allowed: one entry or more",
@@ -163,14 +137,12 @@ MESSAGES = {
     "files": {
         "- 1\n- 2\n": "holds a list; allowed: keys and values",
         "machine": "holds text; allowed: keys and values",
-        "7": "holds a number; allowed: keys and values",
         "machine:\n  platform_mass_kg: 1_000\n": "1_000 in line 2; allowed: 1000",
         "machine: {1: 2}": "not valid YAML: a key is not text",
         "drive:\n  supply_frequency_hz: 51,5": "a decimal comma in line 2; allowed: a point, as in 51.5",
         "drive:\n  a$b: 1\n": "the key in line 2 is no name; allowed: letters, digits and _ . -",
         "drive: {}\nrun: {}\ndrive: {}\n": 'duplicate key "drive" in line 3; allowed: each key once',
         "a: [1\n": "not valid YAML in line 2, column 1: expected ',' or ']', but got '<stream end>'",
-        "a: *b\n": "not valid YAML in line 1, column 4: found undefined alias 'b'",
         "a: 1\n---\nb: 2\n": "not valid YAML in line 2, column 1: but found another document",
         "a: \x01\n": "not valid YAML: unacceptable character #x0001: special characters are not allowed in "
         '"<unicode string>", position 3',

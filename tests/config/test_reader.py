@@ -188,13 +188,9 @@ SECRET = "hunter2"
     [
         f"root:{SECRET}:19000:0:99999:7:::\ndaemon:*:19000::::::\n",
         f"drive: {{'{SECRET}!': 1}}\n",
-        SECRET,
-        f"'{SECRET}",
-        f"!{SECRET} x",
         f"!!bool {SECRET}",
         f"%{SECRET}\n",
         f"a: 1\na: {SECRET}\n",
-        f"extends: [{SECRET}]\n",
         f"a: [{SECRET}\nb: {SECRET}\n",
     ],
 )

@@ -104,11 +104,10 @@ def test_branches_go_through_the_whole_range_in_both_synchronizations(branches, 
 
 
 @pytest.mark.long
-@MASSES
-def test_no_special_point_is_missed_by_long_steps(branches, mass):
+def test_no_special_point_is_missed_by_long_steps(branches):
     """Steps a fifth as long find the same points, at the same places."""
     span = 80.0 - 42.0
-    found = [branches[mass], traced(machine(mass, step={"max": span / 200.0}))]
+    found = [branches[0.2], traced(machine(0.2, step={"max": span / 200.0}))]
     kinds = ("fold", "liftoff", "end-of-sticking", "period-doubling", "neimark-sacker", "branch-point", "grazing")
     for kind in kinds:
         few, many = (
@@ -203,15 +202,6 @@ def test_orbits_with_a_single_impact_stay_where_they_are_stable(rebounding):
     assert max(farthest(row, 0.2, 60.0, 0.3) for row in stable if row["value"] < 51.3) < 1e-5
     unstable = [row for row in single if abs(row["multiplier_1_re"]) > 1.2]
     assert min(farthest(row, 0.2, 60.0, 0.3) for row in unstable[::4]) > 1e-2
-
-
-@MASSES
-def test_branch_points_are_the_same_from_all_branches(branches, mass):
-    """Each is found along both branches that cross there."""
-    values = np.sort([s["value"] for branch in branches[mass] for s in branch.special if s["kind"] == "branch-point"])
-    apart = np.diff(values)
-    assert values.size >= 8
-    assert ((apart < 1e-7) | (apart > 0.1)).all()
 
 
 def test_orbits_and_branches_count_the_same_multipliers_as_unstable(branches):

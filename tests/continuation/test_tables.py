@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vibroplat import load_config, orbit, orbits
+from vibroplat import load_config, orbit
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.continuation.answer import answer_of
@@ -101,14 +101,6 @@ def test_boundaries_have_both_keys(scene):
     assert "boundaries" not in make_tables(scene.orbits, [], [])
     table = make_tables(scene.replace({"orbits": PLAN | second}).orbits, [], [])["boundaries"]
     assert list(table.columns) == [*first, "contact.restitution", *last]
-
-
-def test_key_that_is_no_frequency_keeps_its_name():
-    plan = {"key": "machine.damping_y_n_s_per_m", "start": 400.0, "stop": 420.0}
-    bare = load_config(MACHINE, {"solver.engine": "taylor", "orbits": plan, MASS: 0.0})
-    table = orbits(bare).branches
-    assert table.columns[0] == "machine.damping_y_n_s_per_m"
-    assert table["machine.damping_y_n_s_per_m"].iloc[[0, -1]].tolist() == pytest.approx([400.0, 420.0])
 
 
 def test_summary_tells_how_each_branch_ended(found):

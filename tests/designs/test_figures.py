@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from common.places import ROOT
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat import Scene, design, load_config
 from vibroplat.errors import TableError
@@ -13,11 +12,6 @@ from vibroplat.results.result import Answer, Result
 
 KEYS = {"solver.engine": "taylor", "drive.supply_frequency_hz": 55.0, "material.mass_ratio": 0.1}
 MASS, RADIUS = "machine.platform_mass_kg", "machine.unbalance_radius_m"
-NAMES = (
-    *("platform_mass_kg", "platform_inertia_kg_m2", "unbalance_mass_kg", "unbalance_radius_m", "exciter_distance_m"),
-    *("stiffness_x_n_per_m", "stiffness_y_n_per_m", "stiffness_phi_n_m_per_rad", "damping_x_n_s_per_m"),
-    *("damping_y_n_s_per_m", "damping_phi_n_m_s_per_rad", "gravity_m_per_s2"),
-)
 BEST = {"keys": {MASS: [1.0, 2.0]}, "minimize": "motor_power_w", "constraints": {"rms_y_m": ">= 1e-3"}}
 LOST = "bound that nothing keeps"
 PLANS = {
@@ -64,31 +58,6 @@ def elastic(**measures):
     """A table of sensitivities by one key."""
     names, values = list(measures), list(measures.values())
     return pd.DataFrame({"measure": names, "key": MASS, "value": 0.5, "elasticity": values})
-
-
-def test_many_tolerances_leave_all_panels_their_width():
-    keys = [f"machine.{name}" for name in NAMES]
-    random = np.random.default_rng(0)
-    samples = pd.DataFrame({name: random.random(20) for name in ("rms_x_m", "rms_y_m", "motor_power_w")})
-    table = elastic(**dict.fromkeys(samples, 1.0))
-    samples = samples.assign(sample=range(20), stable=True, regime="antiphase, period 1")
-    figure = drawn({"parameter_tolerances": dict.fromkeys(keys, 0.05)}, "samples", sensitivities=table, samples=samples)
-    FigureCanvasAgg(figure).draw()
-    assert figure.axes[0].get_title("left").endswith(", 2 more")
-    gaps = np.diff([axis.get_position().x0 for axis in figure.axes])
-    assert gaps[0] == pytest.approx(gaps[1], rel=0.05)
-
-
-def test_a_front_without_lost_bounds_leaves_no_gap_below():
-    rows = pd.DataFrame({"rms_y_m": [1e-3, 2e-3], "motor_power_w": [1.0, 2.0], "feasible": True, "best": [True, False]})
-    figure = drawn(
-        BEST,
-        "evaluations",
-        sensitivities=elastic(),
-        evaluations=rows.assign(start=0),
-        pareto=rows.assign(bound=rows["rms_y_m"]),
-    )
-    assert all(len(line.get_xdata()) for line in figure.axes[0].lines)
 
 
 def test_what_has_little_to_show_says_so():

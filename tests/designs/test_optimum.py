@@ -4,8 +4,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from common.results import bits
-from threadpoolctl import threadpool_limits
 
 from vibroplat import design, load_config, orbit
 from vibroplat.config.digits import percent
@@ -124,12 +122,3 @@ def test_a_box_to_which_the_orbit_cannot_be_followed_is_no_answer_on_its_designs
     assert found.answer.headline == "unknown: the orbit was lost on the way to every starting point of the search"
     assert found.tables["evaluations"].empty
     assert found.plot("evaluations").axes
-
-
-@pytest.mark.long
-def test_tables_do_not_depend_on_the_threads_of_linear_algebra(answer):
-    with threadpool_limits(2):
-        again = design(scene(starts=2, pareto={"rms_y_m": [0.8e-3, 1.2e-3]}))
-    assert {name: bits(table) for name, table in again.tables.items()} == {
-        name: bits(table) for name, table in answer.tables.items()
-    }

@@ -190,13 +190,6 @@ def test_run_killed_among_its_tables_leaves_no_set_of_two_runs(number, place):
 
 
 @pytest.mark.faults
-def test_ctrl_c_while_workers_start(place):
-    with Child(place, *SWEEP, "2", before=sending(signal.SIGINT, "vibroplat.system.workers:_start", 2)) as child:
-        assert problem(child.end()) == ""
-        until(lambda: child.members() == [], SOON)
-
-
-@pytest.mark.faults
 @pytest.mark.parametrize("signal_", TOLD)
 @pytest.mark.parametrize("seconds", [0.2, 0.8])
 def test_workers_that_load_end_with_the_command(signal_, seconds, place):

@@ -136,21 +136,15 @@ def test_sweep_under_other_conditions_is_not_resumed_and_the_first_is_named(unfi
 
 DAMAGE = (
     "record = replace(record, '0.', '1.')",
-    "record = substr(record, 1, 100)",
     "record = NULL",
-    "record = x'ff00'",
-    "record = 7",
-    "digest = NULL",
     "digest = (SELECT digest FROM records WHERE first = 1 AND second = 0)",
     "task = 'another'",
     "second = 17",
-    "first = '0'",
-    "second = NULL",
     "record = '{}'",
 )
 
 
-@pytest.mark.parametrize("kinds", [DAMAGE[k::4] for k in range(4)], ids="abcd")
+@pytest.mark.parametrize("kinds", [DAMAGE[k::2] for k in range(2)], ids="ab")
 def test_damaged_records_are_computed_again_and_said(kinds, finished, result, caplog):
     """Each kind of damage to a record of its own."""
     directory = result()
@@ -182,22 +176,6 @@ def test_only_what_follows_from_another_state_is_computed_again(result, caplog, 
         f"1 of {POINTS} records damaged or missing; computing them again",
         "some records do not follow from those before them; computing them again",
     ]
-
-
-def test_point_that_is_lost_before_the_table_is_written_ends_in_a_line(result, monkeypatch):
-    directory = result()
-    run = sweep.run_branches
-
-    def losing(planned, store, *arguments):
-        run(planned, store, *arguments)
-        store._base.execute("DELETE FROM records WHERE first = 1 AND second = 1")
-        store._base.commit()
-
-    monkeypatch.setattr(sweep, "run_branches", losing)
-    done = command("sweep", "c.yaml", "--resume")
-    assert not_a_line(done, codes=(1,)) == ""
-    assert "point 1 of branch 1 is not stored" in done.err
-    assert not list(directory.glob("sweep.*"))
 
 
 def test_store_that_is_damaged_as_a_whole_is_told_in_a_line(finished, result):

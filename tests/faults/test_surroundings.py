@@ -52,11 +52,6 @@ def test_characters_that_a_stream_does_not_have_are_escaped():
     assert done.stdout == done.stderr == "\\u2026\n"
 
 
-def test_help_and_refusal_with_closed_streams_keep_their_exit_codes(here):
-    assert shell("run", "--help", redirect=">&- 2>&-") == (0, "", "")
-    assert shell("run", "nope.yaml", redirect=">&-") == (2, "", "vibroplat: nope.yaml: no such file\n")
-
-
 def test_run_without_compilation_is_refused_with_the_name_of_the_setting(here):
     done = shell("run", QUICKSTART, NUMBA_DISABLE_JIT="1", NUMBA_CACHE_DIR=str(here / "empty"))
     assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)

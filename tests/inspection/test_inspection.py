@@ -158,15 +158,6 @@ def test_the_resonances_of_the_expected_motion_are_told(ends):
     assert "resonance of φ (21.7 Hz) decides" in str(ends)
 
 
-@pytest.mark.parametrize("damping", [*(pytest.param(part, marks=pytest.mark.long) for part in (0.2, 0.01)), 0.0])
-def test_weak_damping_hardly_changes_what_is_expected(damping):
-    scene = load_config(CONFIGS / "templates" / "heavy-screen.yaml", {"material.mass_ratio": 0.0})
-    keys = [f"damping_{axis}" for axis in ("x_n_s_per_m", "y_n_s_per_m", "phi_n_m_s_per_rad")]
-    weak = scene.replace({f"machine.{key}": damping * getattr(scene.machine, key) for key in keys}).inspect()
-    assert (weak["expected"], weak["start"]) == ("antiphase", "passes")
-    assert 0.02 < weak["passage_ratio"] < 0.3
-
-
 @pytest.mark.parametrize(("name", "stroke", "throw", "force"), [
     ("screen", 3.0225e-3, 3.809, 829.75),
     pytest.param("heavy-screen", 6.46e-3, 3.54, 5181.2, marks=pytest.mark.long),
@@ -271,18 +262,6 @@ def test_the_damper_of_material_is_not_on_the_foundation():
     w = 2.0 * math.pi * found["excitation_frequency_hz"]
     assert found["dynamic_force_y_n"] == pytest.approx(0.5 * found["stroke_y_m"] * abs(RIG["c"] + 1j * w * RIG["b"]))
     assert "2.50 kg of material cannot lift off" in str(found)
-
-
-def test_what_is_nothing_beside_its_kind_is_0():
-    lines = str(load_config(CONFIGS / "examples" / "co-rotating-opposite.yaml").inspect()).splitlines()
-    assert [line[22:26].strip() for line in lines[3:5]] == ["0", "0"]
-    assert lines[6].split()[2:] == ["123", "N", "along", "y"]
-    assert all("  " in line[20:] for line in lines[1:] if len(line) > 60)
-
-
-def test_numbers_without_a_unit_are_of_different_kinds():
-    lines = load_config(CONFIGS / "templates" / "feeder.yaml").inspect().answer.lines
-    assert [float(text) for label, text in lines.items() if label.startswith("damping ratio")] == [0.05, 0.05, 0.0495]
 
 
 def test_command(tmp_path):

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 from common.places import QUICKSTART, ROOT
 from common.references import load_reference
@@ -59,12 +58,6 @@ class Several(Dop853):
     def steps(self, longest):
         lengths, coefficients = zip(*(super(Several, self).steps(longest) for _ in range(3)), strict=True)
         return np.concatenate(lengths), np.concatenate(coefficients)
-
-
-def test_several_steps_at_once_do_not_show(bouncing):
-    whole, several = run(bouncing), run(bouncing, Several)
-    pd.testing.assert_frame_equal(whole.events, several.events, check_exact=True)
-    pd.testing.assert_frame_equal(whole.trajectory, several.trajectory, check_exact=True)
 
 
 class Failing(Dop853):

@@ -84,20 +84,6 @@ def test_law_is_the_solution_of_the_momentum_balance(machine, layers, restitutio
         assert loss == pytest.approx(expected, rel=1e-13, abs=1e-13 * impulse * -before[12])
 
 
-@pytest.mark.parametrize(("machine", "layers", "restitution"), CASES[:5])
-def test_central_law_has_the_printed_effective_mass(machine, layers, restitution):
-    """The k of (7), for the equal exciters of the paper; what jumps follows from the momentum balance."""
-    scene = scene_of(layers, machine, restitution=restitution, impact_law="central")
-    (m_k, _), (J_e, _) = scene.unbalances, scene.exciter_inertias
-    M, m_w1 = scene.body.mass, scene.layer_masses[0]
-    for before in approaching(seed=20):
-        _, impulse, _ = struck(before, parameters(scene))
-        phi1, phi2 = before[3], before[4]
-        k_1 = m_k**4 * np.sin(phi1 - phi2) ** 2 - 2.0 * M * m_k**2 * J_e + M**2 * J_e**2
-        k = 2.0 * k_1 / (J_e * (-2.0 + np.cos(2.0 * phi1) + np.cos(2.0 * phi2)) * m_k**2 + 2.0 * M * J_e**2)
-        assert impulse == pytest.approx(-(1 + restitution) * before[12] * k * m_w1 / (k + m_w1), rel=1e-13)
-
-
 def follow(state, accelerations, p):
     """Follow impact by impact until one sticks or their speed is 1e-13 of the first.
 

@@ -1,21 +1,17 @@
 """Memory of a run: tables are made while it goes on, what cannot fit is refused, what runs out ends it with a name."""
 
-import gc
 import resource
 import sys
 import tracemalloc
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-import psutil
 import pytest
 from common.known import motion_of
 from common.places import QUICKSTART
 
-from vibroplat import load_config, lyapunov, orbit, simulate, variation
+from vibroplat import load_config, simulate
 from vibroplat.errors import ConfigError
-from vibroplat.integrate.native import NativeEngine
 from vibroplat.motion.recorder import Recorder
 from vibroplat.system.memory import MemoryBudget, OutOfMemoryError, available
 
@@ -91,34 +87,6 @@ def test_memory_grows_neither_with_duration_nor_with_rows_nor_with_events(quicks
     long = short.replace({"run.duration_s": 2.5})
     assert peak(long, keep="summary", sink=drop) < little + 100_000
     assert peak(long) > little + 2_000_000
-
-
-CALLS = {
-    "simulate": lambda scene, _guess: simulate(scene, keep="summary"),
-    "variation": lambda scene, _guess: variation(scene, keys=["contact.viscous_per_mass_per_s"]),
-    "lyapunov": lambda scene, _guess: lyapunov(scene),
-    "orbit": orbit,
-}
-#: What a process holds may grow by so much (bytes) after a tenth of the calls, which 200 numbers in each exceed.
-GROWTH = 8e6
-
-
-@pytest.mark.campaign
-@pytest.mark.parametrize("name", [*CALLS, "a leak"])
-def test_thousands_of_calls_leave_no_memory_behind(name, quickstart):
-    scene = quickstart.replace({"run.duration_s": 0.02, "solver.engine": "taylor"})
-    guess = orbit(scene) if name == "orbit" else None
-    leaked, held, process = [], [], psutil.Process()
-    calls = 300 if name == "lyapunov" else 10_000  # of hundreds of turns each
-    for number in range(1, calls + 1):
-        if name == "a leak":
-            leaked.append(np.full(200, float(number)))
-        else:
-            CALLS[name](scene, guess)
-        if number in (calls // 10, calls):
-            gc.collect()
-            held.append(process.memory_info().rss)
-    assert (held[1] - held[0] < GROWTH) == (name != "a leak")
 
 
 def test_table_that_does_not_fit_into_memory_is_refused_at_once(quickstart, monkeypatch):
@@ -211,23 +179,6 @@ def test_observer_without_memory_ends_the_motion_and_all_others_read_to_the_end(
     assert motion.detail.startswith("the system gave no more memory; ")
     assert segments.segments[-1].end == motion.now > 0.0
     assert motion.events == len(events.events) > 0
-
-
-def test_engine_without_memory_ends_the_run_with_what_was_computed(quickstart, monkeypatch):
-    advance, calls = NativeEngine.advance, []
-
-    def without(self, h):
-        calls.append(h.run["now"])
-        if len(calls) == 3:
-            raise MemoryError
-        advance(self, h)
-
-    whole = simulate(quickstart)
-    monkeypatch.setattr(NativeEngine, "advance", without)
-    run = simulate(quickstart)
-    assert run.outcome == "out-of-memory"
-    assert run.trajectory["t_s"].iloc[-1] == run.summary["simulated_s"] == calls[-1] > 0.0
-    same(run.trajectory.iloc[:-1], whole.trajectory.iloc[: len(run.trajectory) - 1])
 
 
 @pytest.mark.parametrize("version", [1, 2])

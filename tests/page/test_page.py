@@ -12,7 +12,6 @@ from common.results import unproven
 
 from vibroplat.config.kinds import KINDS
 from vibroplat.continuation.rows import orbit_motion
-from vibroplat.page.report import write_report
 from vibroplat.page.results import parameters
 
 HOSTILE = "</script><script>window.hacked = 1</script><img src=x onerror='window.hacked = 1'>"
@@ -35,14 +34,6 @@ def test_parameters_have_meanings_and_are_marked_where_they_are_not_the_default_
     run, sweep = ({row["key"].partition(".")[0] for row in parameters([c], [tree])} for c in ("run", "sweep"))
     assert "run" in run - sweep
     assert "sweep" in sweep - run
-
-
-def test_only_parameters_that_are_not_the_default_stand_above_the_others(saved):
-    text = page_of(saved["bare"])
-    begin = text.index("Parameters that differ from the default")
-    shown, rest = text[begin:].split("Parameters as by default", 1)
-    assert "machine.unbalance_radius_m" in shown
-    assert "machine.platform_mass_kg" in rest
 
 
 def test_report_writes_one_file_and_names_it(command, saved, tmp_path):
@@ -136,8 +127,3 @@ def test_a_page_replaces_no_configuration_and_has_orbits_unless_told_otherwise(s
         sizes.append(len(data_of(config.read_text())["list"]))
     assert sizes[0] == 0
     assert sizes[1] > 10
-
-
-def test_pages_are_written_whole(saved, tmp_path):
-    path = write_report([saved["bare"]], tmp_path / "page.html")
-    assert path.read_text().rstrip().endswith("</html>")

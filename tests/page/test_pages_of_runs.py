@@ -11,7 +11,7 @@ from common.results import edited, unproven
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.page.machine import drawing, machine_of, pack
+from vibroplat.page.machine import drawing, machine_of
 from vibroplat.page.report import sheet_html
 from vibroplat.page.results import find_results
 from vibroplat.page.run import windows_of
@@ -94,24 +94,6 @@ def test_each_spring_at_a_point_has_its_static_and_dynamic_force(sheet):
     assert row.short == ("spring at inlet", "3.50 ± 0.21 kN", "each, static ± dynamic")
     alone = sheet(**forces | {"spring_force_amplitude_inlet_n": 0.1})._spring("inlet")
     assert alone.short == ("spring at inlet", "3.50 kN", "each, static"), "nothing moves"
-
-
-def test_a_named_point_has_one_row(saved):
-    (result,) = find_results([saved["bare"]])
-    scene = result.scene.replace({"output.points": {"inlet": [-0.1, 0.0]}})
-    strokes = {"stroke_y_inlet_m": 3.45e-3, "whole_stroke_y_inlet_m": 6.6e-3, "stroke_x_inlet_m": 0.2e-3}
-    found = Sheet(scene, result.summary | strokes | {"acceleration_max_inlet_m_per_s2": 37.4})
-    row = rows_of(found)["stroke y at inlet"]
-    assert (row.now, row.also, row.most) == ("3.45 mm", "x 0.200 mm; 37.4 m/s²", "6.60 mm")
-
-
-def test_without_gravity_no_force_is_static(saved):
-    (result,) = find_results([saved["bare"]])
-    floating = result.scene.replace({"machine.gravity_m_per_s2": 0.0})
-    rows = rows_of(Sheet(floating, result.summary | LOADS))
-    assert rows["y"].now == "15.0 kN"
-    assert "throw index" not in rows_of(Sheet(floating, result.summary | {"gamma": None, "whole_gamma": None}))
-    assert rows["y"].short == ("foundation, y", "15.0 kN", "largest 15.7 kN at 0.454 s, 23.4 Hz")
 
 
 def test_a_summary_of_an_old_version_has_what_it_has(saved, sheet):
@@ -245,15 +227,6 @@ def test_the_interval_of_a_run_can_be_chosen(saved):
 
 
 @pytest.mark.long
-def test_a_run_that_is_read_in_parts_is_the_same_run(saved, monkeypatch):
-    whole = frames_of(page_of(saved["two layers"]))
-    monkeypatch.setattr("vibroplat.results.tables.MAX_PART_ROWS", 37)
-    assert frames_of(page_of(saved["two layers"]))[0]["windows"] == [
-        [pytest.approx(value, abs=1e-3) for value in window] for window in whole[0]["windows"]
-    ]
-
-
-@pytest.mark.long
 def test_a_start_says_when_it_is_steady_and_shows_its_speeds(started):
     text = page_of(started)
     assert "Speed until the stroke is steady" in figures_of(text)
@@ -286,41 +259,12 @@ def test_a_run_without_a_measured_part_has_no_sheet(saved, tmp_path):
     assert frames_of(text)[0]["windows"]
 
 
-def test_infinite_numbers_are_missing(saved, tmp_path):
-    copy = unproven(shutil.copytree(saved["two layers"], tmp_path / "copy"))
-    for name in ("trajectory", "events"):
-        table = read_table(copy, name)
-        numbers = table.select_dtypes(float).columns.drop("t_s")
-        table.loc[len(table) // 2 :, numbers] = np.inf
-        write_table(table, copy, name, "parquet")
-    text = page_of(copy)
-    assert "Infinity" not in text
-    assert "inf" not in {*read(text).split()}
-
-
 def test_a_captured_start_says_so_first(saved, tmp_path):
     text = page_of(rewritten(saved["bare"], tmp_path / "copy", captured_by="y"))
     assert '<p class="answer bad">CAPTURED by the resonance in y' in text
 
 
-def test_results_with_one_name_have_the_part_of_their_directories_that_differs(saved):
-    found = find_results([saved["two layers"], saved["bare"]])
-    assert [one.label for one in found] == ["quickstart (two layers)", "quickstart (bare)"]
-
-
-def test_results_name_the_parameters_in_which_they_differ(saved):
-    text = read(page_of(saved["two layers"], saved["bare"]))
-    assert "mass ratio 0" in text[: text.index("Amplitude and stroke")]
-
-
 # -- the drawing ----------------------------------------------------------------------------------------
-
-
-def test_numbers_are_right_to_a_pixel():
-    values = np.array([-2.0, np.nan, 0.1, 3.0])
-    np.testing.assert_allclose(unpacked(pack(values)), values, atol=5.0 / 65534)
-    assert pack([7.0, 7.0]) == (7.0, 7.0, "")
-    assert np.isnan(unpacked(pack([np.nan, 1.0, 2.0]))[0])
 
 
 def test_the_drawing_has_the_layers_of_the_scene_and_ways_of_turning(quickstart_scene):

@@ -7,14 +7,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from common.pages import data_of, figures_of, page_of, read, unpacked
-from common.results import edited, of_kind, unproven
+from common.results import of_kind, unproven
 
 from vibroplat.continuation.rows import orbit_motion
-from vibroplat.errors import TableError, VibroplatError
+from vibroplat.errors import VibroplatError
 from vibroplat.page import orbits, tables
-from vibroplat.page.orbits import evenly
-from vibroplat.page.tables import align_lines, rows_on_page, table_html
-from vibroplat.results.tables import read_json, read_table, write_table
+from vibroplat.page.tables import rows_on_page, table_html
+from vibroplat.results.tables import read_table, write_table
 
 
 def changed(source, place, name, **columns):
@@ -66,14 +65,6 @@ def test_branches_are_dashed_where_unstable_and_have_their_special_points(follow
     assert any(name.startswith("fold") for name in figures_of(section(text, 1))["mass ratio"].names)
 
 
-def test_every_column_of_an_axis_has_one_unit(followed):
-    text = page_of(followed)
-    assert figures_of(section(text, 0))["RMS y"].unit == "mm"
-    assert "RMS y (mm)" in section(text, 0)
-    phase = next(one for title, one in figures_of(section(text, 0)).items() if title.startswith("Δφ"))
-    assert phase.unit == "°"
-
-
 def test_a_point_without_a_motion_is_no_end_of_a_page(swept, tmp_path):
     none = dict.fromkeys(("rms_y_m", "rms_x_m", "phase_difference_rad", "gap_max_m", "excitation_frequency_hz"), np.nan)
     text = page_of(changed(swept, tmp_path / "copy", "sweep", outcome="too-many-events", **none))
@@ -81,15 +72,6 @@ def test_a_point_without_a_motion_is_no_end_of_a_page(swept, tmp_path):
     one = changed(swept, tmp_path / "one", "sweep")
     write_table(read_table(one, "sweep").iloc[:1], one, "sweep", "parquet")
     assert figures_of(page_of(one))["RMS y"].hits == [0]
-
-
-@pytest.mark.parametrize(("name", "column"), [("sweep", "sync"), ("branches", "stable")])
-def test_a_table_without_a_column_is_refused(swept, followed, tmp_path, name, column):
-    source = {"sweep": swept, "branches": followed}[name]
-    copy = unproven(shutil.copytree(source, tmp_path / "copy"))
-    write_table(read_table(copy, name).drop(columns=column), copy, name, "parquet")
-    with pytest.raises(TableError, match=f"the {name} table in .* has no column {column}"):
-        page_of(copy)
 
 
 # -- tables ---------------------------------------------------------------------------------------------
@@ -181,13 +163,6 @@ def test_twenty_thousand_points_are_a_small_page_in_which_all_extremes_are_seen(
 
 
 # -- orbits of points -----------------------------------------------------------------------------------
-
-
-def test_the_first_rows_of_a_spread_lie_evenly():
-    assert (evenly(1), evenly(5)) == ([0], [0, 4, 2, 1, 3])
-    order = evenly(100)
-    assert sorted(order) == [*range(100)]
-    assert max(np.diff([*sorted(order[:25]), 100])) <= 8
 
 
 @pytest.mark.long
@@ -315,20 +290,6 @@ def test_designs_have_elasticities_samples_and_searches_with_a_front(answered):
     assert any("Pareto front" in one.names for one in figures_of(searches).values())
 
 
-def test_orbits_of_designs_have_the_period_of_their_table(answered, tmp_path):
-    periods = set()
-
-    def seen(scene, row):
-        periods.add(row["period"])
-        raise VibroplatError("lost")
-
-    copy = changed(answered["best"], tmp_path / "copy", "evaluations", period=4)
-    text = page_of(copy, mover=seen)
-    assert periods == {4, 1}, "of searches, and of the front"
-    assert "without orbits" not in text
-    assert "without orbits" in page_of(copy)
-
-
 def test_a_search_that_finds_nothing_has_no_best_design(answered, tmp_path):
     copy = changed(answered["best"], tmp_path / "copy", "evaluations", feasible=False, best=False)
     data = data_of(page_of(copy, mover=lost), 1)
@@ -347,34 +308,6 @@ def test_motions_that_settle_nowhere_and_values_that_are_missing(answered, tmp_p
 
 
 # -- answers --------------------------------------------------------------------------------------------
-
-
-def told_otherwise(source, place, **told):
-    """Copy a result with another answer in its provenance."""
-    copy = unproven(shutil.copytree(source, place))
-    return edited(copy, "provenance", answer=read_json(copy, "provenance")["answer"] | told)
-
-
-def test_lines_in_columns_are_tables_whose_cells_wrap_on_a_telephone():
-    lines = ["at f (Hz)  rises  falls", "m < 0.1    63 up", "           62", "each ± 0.25 Hz"]
-    assert align_lines(lines) == (
-        '<div class="short"><table><tr><td>at f (Hz)<td>rises<td>falls</table>'
-        "<table><tr><td>m &lt; 0.1<td>63 up<tr><td><td>62</table><p>each ± 0.25 Hz</p></div>"
-    )
-
-
-def test_failures_come_first_and_notes_are_told(answered, tmp_path):
-    text = page_of(told_otherwise(answered["basins"], tmp_path / "copy", notes=["look <twice>"], failures=["lost"] * 7))
-    assert '<p class="answer bad">lost; lost; lost; … and 4 more failures</p>' in text
-    assert "<b>Note:</b> look &lt;twice&gt;" in text
-
-
-def test_what_was_printed_is_told_and_escaped(answered, tmp_path):
-    copy = told_otherwise(answered["thresholds"], tmp_path / "copy", text=["<b>bold"], lines={"<i>": "<u>"})
-    text = page_of(copy)
-    assert "&lt;b&gt;bold" in text
-    assert "<b>bold" not in text
-    assert "<i>" not in read(text).replace("<i>", "", 2)
 
 
 def test_a_directory_holds_a_sweep_and_basins(answered, measured, tmp_path):

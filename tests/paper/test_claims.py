@@ -8,7 +8,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.paper import judges
 from vibroplat.paper.claims import cut, expected, judge, scoreboard
 from vibroplat.paper.evidence import EDGE, NON_IMPACT_CURVE, BranchRecords, Evidence, F, PaperCurve
-from vibroplat.paper.judges import regime_intervals
 from vibroplat.paper.root_finding import JUMP_WIDTH, WIDTH
 from vibroplat.paper.scenes import claims, machine_numbers, paper_scene
 from vibroplat.study.branches import SweepBranch
@@ -324,19 +323,6 @@ def test_captured_machine_holds_no_band_beyond_its_capture():
     assert not finding.holds
     assert "points only 21.00 … 30.50 Hz" in finding.measured
     assert judge(CLAIMS["sync-inphase"], captured).measured == "in-phase nowhere; no steady motion in the band"
-
-
-def test_runs_are_the_stretches_of_a_regime(evidence):
-    assert regime_intervals(evidence.rows(PaperCurve(0.0)), "antiphase") == [(21.0, 31.25), (35.0, 40.0)]
-    assert regime_intervals(evidence.rows(PaperCurve(0.0)), "in-phase") == [(31.5, 34.75)]
-    assert regime_intervals([], "antiphase") == []
-
-
-def test_curves_are_not_drawn_across_jumps(evidence):
-    evidence.branches[PaperCurve(0.0)].rows[:] = [r for r in evidence.rows(PaperCurve(0.0)) if not 24.0 < r[F] < 26.0]
-    found, _ = evidence.amplitudes(PaperCurve(0.0), np.array([20.0, 22.1, 25.0, 33.0, 38.1]))
-    assert np.isnan(found).tolist() == [True, False, True, True, False]
-    assert found[1] == pytest.approx(1e-3)
 
 
 # -- scoreboard -------------------------------------------------------------------------------------------

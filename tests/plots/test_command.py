@@ -102,17 +102,6 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
     assert caplog.messages == [f"--data {file}: not drawn: who"]
 
 
-def test_what_was_measured_has_a_panel_though_it_hardly_varies(write_sweep, tmp_path):
-    file = tmp_path / "rig.csv"
-    file.write_text("excitation_frequency_hz,rms_phi_rad\n21,1e-5\n22,2e-5\n")
-    assert "RMS $\\varphi$ (mrad)" not in [
-        axis.get_ylabel() for figure in drawn("sweep", write_sweep()).values() for axis in figure.axes
-    ]
-    (figure,) = drawn("sweep", write_sweep(), data=read_data(file)).values()
-    (axis,) = (axis for axis in figure.axes if axis.get_ylabel() == "RMS $\\varphi$ (mrad)")
-    assert axis.lines[-1].get_ydata() == pytest.approx([0.01, 0.02])
-
-
 # -- the paper ------------------------------------------------------------------------------------------
 
 
@@ -126,14 +115,6 @@ def test_jumps_of_the_paper_are_arrows(paper):
     figure = FIGURES["fig2"](paper)
     assert sum("Fig. 2(a). $\\mu_w$ = 0" in jump.of for jump in figure.jumps) == 4  # two up, two down
     assert {line.get_color() for line in draw_picture(figure).axes[0].lines} == {MASSES[0.0]}
-
-
-def test_a_mass_has_one_colour_in_all_figures_of_the_paper(paper):
-    three, four, five = (draw_picture(FIGURES[f"fig{n}"](paper)) for n in (3, 4, 5))
-    assert [line.get_color() for line in four.axes[0].lines] == list(MASSES.values())
-    assert [line.get_color() for line in five.axes[0].lines] == list(MASSES.values())[:2]
-    for axis, colour in zip(three.axes[1:], MASSES.values(), strict=True):
-        assert {line.get_color() for line in axis.lines} == {colour}
 
 
 def test_differences_are_shown_of_curves_that_nearly_coincide():

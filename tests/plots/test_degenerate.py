@@ -1,7 +1,6 @@
 """Every figure of every degenerate table: no panel vanishes, nothing is cut off, and what is known is seen."""
 
 from itertools import combinations
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,20 +11,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
 from vibroplat import load_config
-from vibroplat.bench import measure
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
-from vibroplat.plots import paper, run
+from vibroplat.plots import run
 from vibroplat.plots.command import draw_results
-from vibroplat.plots.display import orbit_figure
-from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import styled
 from vibroplat.results.result import Answer, Result
 from vibroplat.results.run import RunResult
 
 from .conftest import diagram, sweep_table
 
-MASS, LAW = "material.mass_ratio", "contact.impact_law"
+MASS = "material.mass_ratio"
 FREQUENCIES = ["supply_frequency_hz", "excitation_frequency_hz"]
 ORBITS = {
     "orbits": {
@@ -114,85 +110,30 @@ def failed(table):
     return filled(np.nan)(table).assign(outcome="event-storm", sync=None, excitation_frequency_hz=np.nan)
 
 
-def same_place(table):
-    return table.assign(**{name: 25.0 for name in FREQUENCIES if name in table})
-
-
-def alike(table):
-    """The way down is the way up."""
-    if "direction" not in table:
-        return table
-    up = table[table["direction"] == "up"]
-    return pd.concat([up, up.assign(direction="down", branch=up["branch"] + 1)], ignore_index=True)
-
-
-def many(table):
-    if "direction" not in table:
-        return table
-    parts = [table.assign(**{MASS: 0.01 * n, "branch": table["branch"] + 4 * n}) for n in range(12)]
-    return pd.concat(parts, ignore_index=True)
-
-
-def words(table):
-    """The key of the grid has texts."""
-    named = {0.0: "central", 0.2: "conservative"}
-    return (
-        table.rename(columns={MASS: LAW}).assign(**{LAW: table[MASS].map(named)})
-        if {"sync", MASS} <= {*table}
-        else table
-    )
-
-
 #: How tables are altered, by what they are then.
 CASES = {
     "as they are": lambda table: table,
     "no rows": rows(slice(0, 0)),
     "one row": rows(slice(0, 1)),
-    "two rows": rows(slice(0, 2)),
     "three rows": rows(slice(0, 3)),
     "one branch of one point": lambda table: (
         pd.concat([table.iloc[:1], table[table["branch"] != table["branch"].iloc[0]]]) if "branch" in table else table
     ),
     "no numbers": filled(np.nan),
     "one number missing": some(np.nan),
-    "one infinite": some(np.inf),
     "all infinite": filled(np.inf),
-    "all minus infinite": filled(-np.inf),
     "zero": filled(0.0),
-    "equal": filled(0.3),
     "nearly equal": every(filled(0.3), some(0.3 + 1e-15)),
-    "negative": filled(-0.3),
     "huge": times(1e30),
-    "tiny": times(1e-30),
     "one huge": some(1e30),
     "never lands": every(text("mode", "flight"), filled(1e-3, "gap_m"), filled(0.0, "contact_force_n", "impulse_n_s")),
-    "never leaves": every(
-        text("mode", "attached"), filled(0.0, "gap_m", "impulse_n_s", "flight_fraction", "gap_max_m")
-    ),
-    "no impacts": where("kind", "liftoff", "fold"),
-    "no liftoff": where("kind", "impact", "grazing"),
     "no events": where("kind"),
-    "unsorted": lambda table: table.sample(frac=1.0, random_state=1) if "t_s" not in table else table,
-    "no material": times(0.0, MASS, "gap_m", "gap_max_m", "contact_force_n", "contact_force_max_n", "flight_fraction"),
-    "one event": lambda table: table.iloc[:1] if "kind" in table else table,
-    "gap missing": filled(np.nan, "gap_m", "gap_max_m", "contact_force_n", "contact_force_max_n"),
     "no optional columns": without(
         "gap_m", "contact_force_n", "x_m", "phi_rad", "motion", "flight_fraction", "gap_max_m"
     ),
     "standing still": filled(0.0, "phi1_rate_rad_per_s", "phi2_rate_rad_per_s", "phi1_rad", "phi2_rad"),
-    "speeds missing": filled(np.nan, "phi1_rate_rad_per_s", "phi2_rate_rad_per_s", "phi1_rad", "phi2_rad"),
-    "always in flight": filled(1.0, "flight_fraction"),
-    "long after": lambda table: table.assign(t_s=1e9 + table["t_s"]) if "t_s" in table else table,
-    "very short": times(1e-9, "t_s"),
-    "one direction": where("direction", "down"),
-    "up as down": alike,
     "all failed": failed,
     "never synchronous": every(text("sync", "none"), text("motion", "chaotic"), text("period", 0)),
-    "all at one frequency": same_place,
-    "many values of a key": many,
-    "a key of words": words,
-    "all stable": text("stable", True),
-    "all unstable": text("stable", False),
 }
 
 # -- figures -----------------------------------------------------------------------------------------------------------
@@ -227,49 +168,6 @@ def drawn_study(command, kind, keys=(), named=""):
     return draw
 
 
-def drawn_orbit(change, tables):
-    whole = tables["run"]
-    table = change(whole.trajectory)
-    if len(table) < 10 or "gap_m" not in table:
-        raise TableError("an orbit has as many rows as it is asked for, and all columns")
-
-    class Motion:
-        segments = (SimpleNamespace(end=0.1),)
-
-        def __call__(self, _):
-            return table
-
-    orbit = {"scene": whole.scene, "period": 1, "stable": True, "sequence": "liftoff impact"}
-    return orbit_figure(SimpleNamespace(**orbit, run=Motion()))
-
-
-def drawn_paper(name):
-    def draw(change, tables):
-        class Result:
-            directory, tables = SimpleNamespace(glob=lambda _: []), ()
-
-            def table(self, which):
-                return change(tables["paper"][which])
-
-        if Result().table(name).empty:
-            raise TableError("a reproduction has rows")
-        return draw_picture(paper.FIGURES[name](Result()))
-
-    return draw
-
-
-def drawn_precision(change, _):
-    errors = {"coordinates": 1e-6, "contact_force": 1e-3}
-    table = pd.DataFrame({"engine": ["a", "b"] * 4, "case": ["one"] * 4 + ["two"] * 4, "ms_per_s": 2.0} | errors)
-    if change(table).empty:
-        raise TableError("a bench has rows")
-    kept = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(measure, "save", lambda figure, *_: kept.append(figure))
-        measure.plot_precision(change(table), None, "precision")
-    return kept[0]
-
-
 FIGURES = {
     **{kind: drawn_run(kind) for kind in run.FIGURES},
     "force of two": drawn_run("force", 2),
@@ -279,9 +177,6 @@ FIGURES = {
     "basins": drawn_study("basins", "basins", BASINS),
     "shares": drawn_study("basins", "basins", {"basins": BASINS["basins"] | {"over": SHARES}}, "shares"),
     **{kind: drawn_study("design", kind, DESIGN) for kind in KINDS["design"].figures.split()},
-    "orbit": drawn_orbit,
-    **{name: drawn_paper(name) for name in ("fig4", "fig6")},
-    "precision": drawn_precision,
 }
 
 
@@ -323,14 +218,9 @@ def studies():
 @pytest.fixture(scope="module")
 def tables(runs):
     found = sweep_table()
-    laws = found.assign(**{"contact.restitution": found[MASS].map({0.0: 0.0, 0.2: 0.5})})
-    t = np.linspace(0.0, 0.1, 50)
-    curves = [{"panel": f, "excitation_frequency_hz": f, "curve": n, "t_s": t} for f in (25.0, 30.0) for n in (1, 2)]
-    history = [pd.DataFrame(c | {"y_m": 1e-3 * c["curve"] * np.sin(2.0 * np.pi * c["panel"] * t)}) for c in curves]
-    reproduction = {"fig6": laws, "fig4": pd.concat(history, ignore_index=True)}
     branches = handmade.branches()
     followed = {"branches": branches, "special": handmade.special(branches), "boundaries": handmade.boundaries()}
-    return studies() | {"run": runs["two layers"], "sweep": {"sweep": found}, "orbits": followed, "paper": reproduction}
+    return studies() | {"run": runs["two layers"], "sweep": {"sweep": found}, "orbits": followed}
 
 
 # -- what is looked at -------------------------------------------------------------------------------------------------

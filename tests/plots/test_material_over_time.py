@@ -6,12 +6,9 @@ from common.places import ROOT
 
 from vibroplat import load_config, simulate, sweep
 from vibroplat.config.digits import interval
-from vibroplat.errors import TableError
 from vibroplat.plots.histories import run_of
 from vibroplat.plots.run import FIGURES, RunPicture
 from vibroplat.study.picture import pictures
-
-from .conftest import drawn
 
 
 @pytest.fixture(scope="module")
@@ -32,17 +29,6 @@ def test_modes_change_at_events_and_material_goes_from_the_begin_on(feeder):
     assert places[0] == 0.0
     assert places[-1] == pytest.approx(float(np.ptp(run.last["along_m"])), rel=0.1)
     assert found.title.startswith("Conveying speed ")
-
-
-def test_many_turns_have_no_strip_and_other_scenes_no_figure(feeder, tmp_path):
-    whole = run_of(feeder, 0.0, 1.0)
-    assert FIGURES["conveying"](RunPicture([whole])).strips is not None
-    many = whole.shown.assign(phi1_rad=10.0 * whole.shown["phi1_rad"])
-    object.__setattr__(whole, "shown", many)
-    assert FIGURES["conveying"](RunPicture([whole])).strips is None
-    plain = simulate(load_config(ROOT / "configs/quickstart.yaml", {"run.duration_s": 0.1})).save(tmp_path / "plain")
-    with pytest.raises(TableError, match=r"figure conveying: .* has no motion along the deck"):
-        drawn("run", plain, kinds=["conveying"])
 
 
 def test_a_sweep_tells_and_draws_the_conveying_speed():

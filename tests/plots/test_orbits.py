@@ -9,7 +9,7 @@ from common import handmade
 from common.places import QUICKSTART, ROOT
 from matplotlib.text import Text
 
-from vibroplat import load_config, orbit, orbits
+from vibroplat import load_config, orbit
 from vibroplat.columns import PHASE
 from vibroplat.continuation.picture import MARKERS
 from vibroplat.continuation.special_points import KINDS
@@ -76,12 +76,6 @@ def lines(points, marks, column="RMS $y$ (mm)"):
         ends += [(part[0], part[-1], line.get_linestyle()) for part in known if len(part) > 1]
     ends.sort()
     return ends, [line for line in axis.lines if len(line.get_xdata()) == 1 and line.get_linestyle() == "None"]
-
-
-@pytest.mark.parametrize(("stable", "filling"), [(True, "full"), (False, "none")])
-def test_a_branch_of_one_point_is_a_dot(stable, filling):
-    ends, (dot,) = lines(branch([stable]).assign(rms_y_m=1e-3), special(0.0).iloc[:0])
-    assert (ends, dot.get_marker(), dot.get_fillstyle()) == ([], "o", filling)
 
 
 def test_stable_parts_are_solid_and_end_at_the_special_point():
@@ -196,11 +190,3 @@ def test_an_orbit_closes_and_draws_itself(scene):
     assert gap[:, 1].max() == pytest.approx(1e3 * found.measures["gap_max_m"], rel=1e-3)
     assert [axis.get_xlabel() for axis in (first, second)] == ["y from rest (mm)", "turns of exciter 1"]
     assert len(orbit(scene.replace({MASS: 0.0})).plot().axes) == 1
-
-
-def test_computed_branches_draw_themselves(scene):
-    found = orbits(scene)
-    axis = found.plot().axes[0]
-    marks = [line.get_xdata()[0] for line in axis.lines if line.get_marker() == MARKERS["liftoff"]]
-    assert marks == pytest.approx(found.special["excitation_frequency_hz"].tolist())
-    assert len(marks) == 1

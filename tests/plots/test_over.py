@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from common import handmade
-from common.pages import figures_of, page_of
 from common.places import QUICKSTART
 from matplotlib.colors import to_hex
 
@@ -185,12 +184,3 @@ def test_the_only_values_of_keys_and_all_failed_points_are_drawn(write):
     axis = drawn(write(failed))["response"].axes[0]
     crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])
     assert sorted({*crosses}) == pytest.approx(0.1 * np.arange(8))
-
-
-def test_page_draws_points_over_the_key_first(write):
-    place = write(over(DAMPING, RATIOS))
-    figures = figures_of(page_of(place))
-    shown = figures["RMS y"]
-    assert shown.x_unit == "N·s/m"
-    assert shown.axes[0][2] == "log"
-    assert "restitution 0, damping along y up" in shown.names

@@ -10,7 +10,7 @@ from common.results import edited
 from matplotlib.collections import LineCollection
 from matplotlib.text import Text
 
-from vibroplat import load_config, simulate
+from vibroplat import load_config
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.kinds import RUN_FIGURES
 from vibroplat.errors import TableError
@@ -74,14 +74,6 @@ def test_last_turns_are_several_periods_or_ten_where_motion_does_not_repeat(peri
     assert histories.shown_turns({"period": period}) == turns
 
 
-def test_few_samples_a_second_are_shown_over_more_turns(kernels, tmp_path):
-    """A second is 23 turns."""
-    few = {"run.duration_s": 15.0, "output.sample_rate_hz": 1.0, "drive.supply_frequency_hz": 46.0}
-    simulate(load_config(QUICKSTART, few | {"material.mass_ratio": 0.0})).save(tmp_path / "few")
-    assert histories.run_of(RunResult.read(tmp_path / "few", "run")).shown["t_s"].tolist() == [*range(5, 16)]
-    assert "motion" in drawn(tmp_path / "few")
-
-
 def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result):
     edited(result, "provenance", configuration={"lost": 1})
     axis = drawn(result)["motion"].axes[0]
@@ -104,15 +96,6 @@ def test_a_long_run_has_the_range_of_each_turn_on_the_left_and_its_last_turns_on
     )
     assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()
     assert np.ptp(figure.axes[1].lines[0].get_xdata()) == pytest.approx(3.0 / 25.75, rel=0.05)
-
-
-def test_many_turns_are_drawn_as_their_range(result, monkeypatch):
-    monkeypatch.setattr("vibroplat.plots.run.MOST_TURNS", 3)
-    axis = drawn(result, kinds=["motion"], start=0.0)["motion"].axes[0]
-    table = from_rest(read_table(result, "trajectory"), result)
-    low, high = (line.get_ydata() for line in axis.lines)
-    assert (low.min(), high.max()) == pytest.approx((1e3 * table["y_m"].min(), 1e3 * table["y_m"].max()))
-    assert len(low) < 10
 
 
 def test_a_long_table_is_read_in_parts_and_thinned_where_all_of_it_is_shown(result, monkeypatch):
@@ -154,24 +137,6 @@ def test_exciters_show_both_speeds_and_their_phase(result):
     np.testing.assert_allclose(data_of(speeds.lines[0]), table_line(table, "phi1_rate_rad_per_s", 1.0 / TURN))
     np.testing.assert_allclose(speeds.lines[1].get_ydata(), 25.75)
     np.testing.assert_allclose(phase.lines[0].get_ydata(), (table["phi1_rad"] + table["phi2_rad"]) % TURN)
-
-
-def test_speeds_that_differ_are_two_lines_and_many_turns_have_their_range(result, monkeypatch):
-    table = read_table(result, "trajectory")
-    apart = table.assign(phi2_rate_rad_per_s=0.9 * table["phi2_rate_rad_per_s"])
-    write_table(apart, result, "trajectory", "parquet")
-    figure = drawn(result, kinds=["exciters"])["exciters"]
-    assert texts(figure.legends[0])[:2] == ["exciter 1", "exciter 2"]
-    np.testing.assert_allclose(data_of(figure.axes[0].lines[1]), table_line(apart, "phi2_rate_rad_per_s", -1.0 / TURN))
-    write_table(table, result, "trajectory", "parquet")
-    monkeypatch.setattr("vibroplat.plots.run.MOST_TURNS", 3)
-    figure = drawn(result, kinds=["exciters"])["exciters"]
-    assert texts(figure.legends[0])[0] == "exciter 1 = 2"
-    speeds = figure.axes[0]
-    (pale,) = speeds.collections
-    rates = table["phi1_rate_rad_per_s"] / TURN
-    low, high = pale.get_datalim(speeds.transData).intervaly
-    assert (low, high) == pytest.approx((rates.min(), rates.max()))
 
 
 def test_loads_are_forces_and_displacements_with_their_peaks(settled):
@@ -309,31 +274,6 @@ def refusal(directory, **interval):
 
 
 @pytest.mark.parametrize(
-    ("file", "content", "line"),
-    [
-        ("provenance.json", '{"schema": 3}', "DIR holds results of schema 3; this version reads schemas 1 and 2"),
-        ("provenance.json", "{", "DIR/provenance.json cannot be read: "),
-        ("summary.json", "[]", "DIR/summary.json is not the summary of a run"),
-        ("summary.json", '{"excitation_frequency_hz": 25}', "DIR/summary.json is not the summary of a run"),
-        ("summary.json", '{"name": "a", "excitation_frequency_hz": "fast"}', "DIR/summary.json is not the summary"),
-        ("summary.json", '{"name": "a", "excitation_frequency_hz": -1.0}', "DIR/summary.json is not the summary"),
-        ("trajectory.csv", "a,b\n1,2\n", "the trajectory table in DIR has no numbers in column t_s"),
-        ("events.csv", "", "DIR/events.csv cannot be read: "),
-        ("provenance.json", None, "DIR holds no finished result: it has no provenance.json"),
-        ("trajectory.csv", None, "DIR holds no trajectory table; allowed: a result directory of vibroplat"),
-    ],
-)
-def test_missing_and_damaged_files_are_told_in_a_line(file, content, line, result):
-    if file.endswith("csv"):
-        (result / file).with_suffix(".parquet").unlink()
-    if content is None:
-        (result / file).unlink(missing_ok=True)
-    else:
-        (result / file).write_text(content)
-    assert refusal(result).startswith(line)
-
-
-@pytest.mark.parametrize(
     ("change", "told"),
     [
         ({"phi2_rad": None}, "numbers in column phi2_rad"),
@@ -360,10 +300,3 @@ def test_dollar_signs_in_names_are_drawn_as_they_are(result):
     )
     assert shown.startswith(name.replace("$", r"\$"))
     assert mathematics == "tex" or mathematics is True  # that of the parameters
-
-
-def test_a_figure_that_cannot_be_written_is_told_in_a_line(result):
-    (result / "motion.png").mkdir()
-    with pytest.raises(TableError) as caught:
-        plot_results([result], ["motion"])
-    assert str(caught.value) == f"{result}/motion.png is no regular file; allowed: a new file or one to replace"

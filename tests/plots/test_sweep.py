@@ -19,7 +19,6 @@ from vibroplat.plots.command import plot_results
 from vibroplat.plots.style import MOST_ENTRIES
 from vibroplat.results.picture import SYNC
 from vibroplat.results.tables import write_table
-from vibroplat.study import curves as of_branches
 
 from .conftest import diagram, sweep_table, texts
 from .conftest import drawn as drawn_of
@@ -150,15 +149,6 @@ def test_the_title_says_the_largest_measure_and_which_motions_there_are(write_sw
     assert figure.get_suptitle().startswith("Largest gap at most 0, 0.200 mm at $f$ = 20.58 Hz; ")
 
 
-def test_what_all_quantities_along_a_branch_share_is_found_once(write_sweep, monkeypatch):
-    """With many branches it took most of the time."""
-    asked = []
-    found = of_branches.find_jumps
-    monkeypatch.setattr(of_branches, "find_jumps", lambda rows: asked.append(rows) or found(rows))
-    drawn(write_sweep())
-    assert len(asked) == sweep_table()["branch"].nunique()
-
-
 def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sweep):
     """All of them would cover the figure."""
     table, count = sweep_table(), 40
@@ -173,15 +163,6 @@ def test_legend_of_hundreds_of_curves_names_some_and_says_how_many_more(write_sw
         f"and {count - MOST_ENTRIES} more between them",
         "supply frequency up",
     ]
-
-
-def test_response_leaves_out_what_there_is_not_and_is_over_either_frequency(write_sweep):
-    table = sweep_table()
-    shown = panels(drawn(write_sweep(table[table[MASS] == 0.0]))["response"])
-    assert [*shown] == ["RMS $y$ (mm)", "motor power (W)"]
-    assert shown["motor power (W)"].get_xlabel() == "excitation frequency $f$ (Hz)"
-    axes = drawn(write_sweep(), x="supply")["response"].axes
-    assert any(axis.get_xlabel() == "supply frequency $f_e$ (Hz)" for axis in axes)
 
 
 def test_response_wraps_the_phase_so_that_antiphase_is_one_line(write_sweep):
@@ -273,13 +254,6 @@ def test_map_of_few_rows_has_a_bar_for_each_way(write_sweep):
     ) or figure.get_suptitle().startswith("Antiphase at 53 %")
 
 
-def test_map_has_tiles_of_equal_size_whatever_the_values(write_sweep):
-    axis = drawn(write_sweep(many_masses(sweep_table()), "map"))["map"].axes[0]
-    edges = axis.collections[0].get_coordinates()[:, 0, 1]
-    assert np.ma.filled(np.diff(edges)) == pytest.approx(np.ones(5))
-    assert [text.get_text() for text in axis.get_yticklabels()] == ["0", "0.2", "0.3", "0.9", "2"]
-
-
 # -- refused --------------------------------------------------------------------------------------------
 
 
@@ -317,9 +291,3 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
     assert not any(np.isfinite(line.get_ydata()).any() for line in curves(axis))
     crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])
     assert sorted(crosses) == sorted(table["supply_frequency_hz"])  # no excitation frequency is known
-
-
-def test_the_only_value_of_a_grid_is_told_instead_of_that_of_the_configuration(write_sweep):
-    table = sweep_table()
-    (figure,) = drawn(write_sweep(table[table["material.mass_ratio"] == 0.0]), kinds=["response"]).values()
-    assert figure.axes[0].get_title(loc="left").startswith("swept: no material\n")

@@ -1,8 +1,5 @@
 """A run at a prompt and in a notebook: card, figure, files."""
 
-import copy
-import sys
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -10,9 +7,7 @@ import pytest
 from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
-from vibroplat.errors import ConfigError, TableError
-from vibroplat.results.answer import Answer
-from vibroplat.results.result import Result
+from vibroplat.errors import ConfigError
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +50,6 @@ def test_a_figure_shows_itself_in_a_notebook_and_is_none_of_pyplots(run):
     assert plt.get_fignums() == before
 
 
-def test_figures_that_there_are_not(run, runs):
-    with pytest.raises(ConfigError, match="kind = 'map'; allowed: motion, conveying, force, exciters, loads"):
-        run.plot("map")
-    with pytest.raises(TableError, match=r"has no contact force, as .* non-impact; allowed: motion, exciters, loads"):
-        runs["bare"].plot("force")
-
-
 def test_saved_run_is_the_same_when_it_is_loaded(run, saved):
     found = load(saved)
     assert (found.scene, found.outcome, found.notes) == (run.scene, run.outcome, run.notes)
@@ -101,19 +89,6 @@ def test_dataset_has_units_and_meanings(run):
     assert found["gap_m"].attrs["long_name"] == "gap between platform and lower layer; 0: in contact"
     assert found["y_m"].interp(t_s=0.1).item() == pytest.approx(run([0.1])["y_m"].item(), abs=1e-5)
     assert found.attrs == {"name": "quickstart", "outcome": "ok"}
-
-
-def test_without_xarray_it_says_what_to_install(run, monkeypatch):
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ImportError, match=r"to_xarray needs xarray; pip install 'vibroplat\[xarray\]'"):
-        run.to_xarray()
-
-
-def test_a_result_can_be_copied_and_names_its_tables(run):
-    assert copy.copy(run).summary is run.summary
-    assert copy.deepcopy(Result("sweep", run.scene, {"sweep": run.events}, Answer())).sweep.equals(run.events)
-    with pytest.raises(AttributeError, match="a run has no table steps; allowed: trajectory, events"):
-        run.steps  # noqa: B018
 
 
 @pytest.mark.parametrize("keep", ["summary", "events", "segments"])

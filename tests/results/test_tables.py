@@ -145,17 +145,6 @@ def test_plain_tables_are_written_to_the_byte_as_dataframes_are(form, ends, tmp_
         )
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_table_without_rows_is_one_part(form, runs, tmp_path):
-    table = runs["bare"].events
-    with TableFile(tmp_path, "t", form) as grown:
-        grown.append(table)
-        grown.finish().rename(tmp_path / f"t.{form}")
-    for last in (False, True):
-        (part,) = read_parts(tmp_path, "t", last=last)
-        assert (len(part), list(part)) == (0, list(table))
-
-
 @pytest.mark.parametrize(
     ("out", "name", "reason"), [("file", "scene", "Not a directory"), (".", "file", "File exists")]
 )
@@ -187,15 +176,6 @@ def test_result_is_not_written_over_one_whose_name_differs_in_capitals(tmp_path)
     assert str(caught.value) == line
     (tmp_path / "rig/provenance.json").unlink()  # figures may go anywhere
     assert result_directory(tmp_path, "RIg") == tmp_path / "RIg"
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_directory_in_place_of_a_table_is_told_in_a_line(form, tmp_path):
-    (tmp_path / f"table.{form}").mkdir()
-    with pytest.raises(TableError) as caught:
-        write_table(NEW, tmp_path, "table", form)
-    assert str(caught.value) == f"{tmp_path}/table.{form} cannot be written: Is a directory"
-    assert files(tmp_path) == [f"table.{form}"]
 
 
 def test_missing_tables_are_told_in_a_line(tmp_path):

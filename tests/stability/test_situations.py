@@ -4,14 +4,12 @@ A situation is a function of the number of scenes (of turns for ``endurance``) a
 scene, in which ``failed`` says what is beyond its limit. Quick tests take some scenes, ``-m campaign`` all.
 """
 
-import math
-
 import pandas as pd
 import pytest
 from common.random_scenes import random_scene
 
 from stability.accumulation import accumulation, elastic
-from stability.campaign import campaign, judged, judged_finer
+from stability.campaign import campaign, judged
 from stability.checks import row, sound, with_engine
 from stability.endurance import endurance
 from stability.grazing import grazing
@@ -109,23 +107,6 @@ FAILED = {
 @pytest.mark.parametrize("number", FAILED, ids=FAILED.get)
 def test_scenes_of_the_campaign_that_failed_once(number):
     assert judged(number)["failed"] == ""
-
-
-@pytest.mark.parametrize(("again", "left"), [(0.5, {"energy_residual"}), (1e-7, set())])
-def test_a_residual_that_a_finer_run_keeps_is_no_error_of_steps(again, left, monkeypatch):
-    run = simulate(random_scene(6), keep="summary")
-    monkeypatch.setattr("stability.campaign.sound", lambda *_: {"energy_residual": (again, 1e-6)})
-    found, beyond = judged_finer(run, {"energy_residual": (0.8, 0.1)})
-    assert (found.keys(), beyond) == (left, 0.0 if left else 8.0)
-
-
-def test_what_is_beyond_its_limit_is_a_failure():
-    found = row("a", "ok", {"small": (1.0, 2.0), "large": (3.0, 2.0)})
-    assert (found["failed"], found["worst"], found["share"]) == ("large 3.0, allowed 2", "large", 1.5)
-    assert row("a", "event-storm", {})["failed"] == "outcome event-storm"
-    assert row("a", "event-storm", {}, allowed={"event-storm"})["failed"] == ""
-    for value, limit, passes in ((math.nan, 1.0, False), (1e-300, 0.0, False), (0.0, 0.0, True), (-1.0, 0.0, True)):
-        assert (row("a", "ok", {"x": (value, limit)})["failed"] == "") == passes
 
 
 def test_sound_runs_are_told_from_others():

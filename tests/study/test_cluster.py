@@ -1,9 +1,7 @@
 """Schedulers and workers of dask that are none, are others, or go: one line, and what is finished is kept."""
 
-import contextlib
 import logging
 import math
-import os
 import signal
 import socket
 import time
@@ -11,7 +9,7 @@ import time
 import pandas as pd
 import pytest
 from common import clusters
-from common.commands import Child, command, not_a_line
+from common.commands import Child, command
 from common.places import LOADED
 from common.results import bits, finished_points
 
@@ -30,8 +28,6 @@ SWEEP = (
     "  supply_frequency_hz: {start: 46.0, stop: 51.0, step: 0.5, direction: [up, down]}\n"
     "  grid: {contact.restitution: [0.0, 0.3]}\n"
 )
-#: A change of one line that changes all points: its file, the old text and the new one.
-CHANGE = ("study/point.py", "plan.perturbation, (plan.seed, *key)", "1.01 * plan.perturbation, (plan.seed, *key)")
 
 
 # -- addresses where no scheduler is ----------------------------------------------------------------------
@@ -191,11 +187,6 @@ def made(place):
     return bits(pd.read_parquet(place / "results/c/sweep/sweep.parquet"))
 
 
-def new(place, name):
-    (place / name).mkdir()
-    return place / name
-
-
 def await_points(place, number, child):
     """Wait until a sweep has so many points on disk."""
     for _ in range(1200):
@@ -204,33 +195,6 @@ def await_points(place, number, child):
         assert child.process.poll() is None, "the sweep has ended"
         time.sleep(0.05)
     raise AssertionError("no points")
-
-
-def resumed(place, table):
-    """Resume without a cluster: the table is that of a sweep that was never interrupted."""
-    done = command("sweep", "c.yaml", "--resume")
-    assert done.code == 0, done.err
-    assert made(place) == table
-
-
-@pytest.mark.long
-def test_worker_with_other_code_that_joins_late_is_refused(place, table):
-    other = clusters.other_package(new(place, "other"), *CHANGE)
-    with contextlib.ExitStack() as stack:
-        address, _ = stack.enter_context(clusters.scheduler(place))
-        stack.enter_context(clusters.worker(place, address))
-        child = stack.enter_context(Child(place, "sweep", "c.yaml", "--scheduler", address, "--set", "name=c"))
-        await_points(place, 2, child)
-        os.kill(child.process.pid, signal.SIGSTOP)  # the other worker's start takes longer than the sweep
-        stack.enter_context(clusters.worker(place, address, path=other))
-        clusters.await_workers(address, 2)
-        os.kill(child.process.pid, signal.SIGCONT)
-        done = child.end()
-    assert not_a_line(done, codes=(1,)) == ""
-    assert done.err.startswith("vibroplat: worker tcp://127.0.0.1:")
-    assert (": source files " in done.err, RESUMABLE in done.err) == (True, True)
-    assert finished_points(place / "results/c/sweep") >= 2
-    resumed(place, table)
 
 
 def waiting(seconds):

@@ -322,15 +322,6 @@ def test_what_directions_had_of_their_neighbours_is_not_counted(monkeypatch):
     assert count_mixed(np.ones((20, 2)) * [-1.0, -1.0 - 1.0]) == 0  # as many as blocks are left
 
 
-def test_sum_over_a_chaotic_ball_is_that_of_its_impacts():
-    """The table has no dampers, and each impact takes R² of the volume."""
-    scene = next(chaotic_balls(3))
-    found, motion = spectrum(scene, initial_state(scene), GrowthSettings(1, 0, 96, 96))
-    total = sum(e.value for e in found) * motion.now
-    assert motion.events > 15
-    assert total == pytest.approx(2.0 * math.log(CHAOTIC_BALL[1]) * motion.events, rel=0.05)
-
-
 def test_sum_over_flights_is_that_of_divergence_and_impacts():
     """Each impact takes R² of the volume of all states; on the section the exciter's speed counts too."""
     scene, state = settled(MACHINE, 52.0, {**CHAOTIC, "contact.restitution": 0.9, "solver.tolerance": 1e-9}, 400)

@@ -13,7 +13,6 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.config.plans import ParameterRange
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import static_rest
-from vibroplat.results.tables import read_table
 from vibroplat.study.bands import band_lines, bands, find_jumps
 from vibroplat.study.branches import branches, convert_state
 from vibroplat.study.sweep import notes_on_points
@@ -159,18 +158,6 @@ def test_a_branch_hands_on_states_of_its_own_layers():
 
 
 # -- tables, bands, words --------------------------------------------------------------------------------
-
-
-def test_command_writes_a_table_over_the_key(command, here):
-    plan = f"over: {{key: {MASS}, values: [0.0, 0.1, 0.2], direction: [up, down]}}, measure_s: 0.4"
-    (here / "c.yaml").write_text(f"{FLYING}sweep: {{{plan}, lyapunov: false}}\n")
-    done = command("sweep", "c.yaml")
-    assert (done.code, done.err) == (0, "")
-    table = read_table(here / "results/c/sweep", "sweep")
-    assert table[MASS].tolist() == [0.0, 0.1, 0.2, 0.2, 0.1, 0.0]
-    assert table.columns.tolist()[:3] == [MASS, "direction", "branch"]
-    assert table.attrs["meanings"][MASS].startswith("mass of the material divided by the mass of the machine")
-    assert "supply_frequency_hz" not in table
 
 
 def test_two_values_show_no_jump_and_the_first_material_no_liftoff():

@@ -110,21 +110,6 @@ def test_tasks_follow_from_results_and_chains_take_turns():
     assert squares.calls == [2, 3, 4, 9, 16, 81]
 
 
-@pytest.mark.parametrize("most", [3, 6])
-def test_interrupted_chains_go_on_where_they_were(most, tmp_path):
-    with Store(tmp_path, {}) as store:
-        if most < 6:
-            with pytest.raises(Interrupted):
-                run(Squares(most), store, 2, 3)
-        else:
-            run(Squares(most), store, 2, 3)
-    squares = Squares()
-    with Store(tmp_path, {}, resume=True) as store:
-        assert len(store) == most
-        assert run(squares, store, 2, 3) == [(256, 3), (6561, 3)]
-    assert len(squares.calls) == 6 - most
-
-
 class Aside(Squares):
     def fourth_powers(self, *numbers):
         """Square numbers; the squares of the squares are tasks aside."""
@@ -191,12 +176,6 @@ def test_workers_have_one_thread_and_do_not_hear_ctrl_c(processes):
     (found,) = finish([Calls(*[(os.getenv, (name,)) for name in PINNED])], processes)
     assert found == ["1"] * len(PINNED)
     assert finish([Calls((signal.pthread_sigmask, (signal.SIG_BLOCK, ())))], processes) == [[{signal.SIGINT}]]
-
-
-def test_error_of_a_task_is_raised(processes):
-    for workers in (Inline(), processes):
-        with pytest.raises(ValueError, match="math domain error"):
-            finish([Calls((math.sqrt, (-1.0,)))], workers)
 
 
 # -- workers that die -----------------------------------------------------------------------------------
