@@ -5,7 +5,7 @@ import json
 import pytest
 from common.drawing import given
 
-from vibroplat import Scene, load_config
+from vibroplat import Motor, Scene, load_config
 from vibroplat.config.schema import nodes
 from vibroplat.errors import ConfigError
 
@@ -96,6 +96,12 @@ def test_any_file_is_a_scene_or_told_in_a_line(at, left_out, put_in, here):
     assert [path.name for path in here.iterdir()] == ["c.yaml"]
 
 
+def test_odd_file_is_a_scene_or_told_in_a_line(here):
+    for odd in (*ODD, b"extends: " + b"k" * 2000, b"name: 0x" + b"f" * 5000):  # Python does not write the last one
+        (here / "c.yaml").write_bytes(odd)
+        accepted(lambda: load_config("c.yaml"))
+
+
 def unusable(key, value):
     """Whether a scene with this value is accepted, but has no derived quantities or cannot be written as JSON."""
     try:
@@ -116,3 +122,57 @@ def test_what_is_accepted_can_be_used(value):
 
 
 # -- what is accepted is written and read without a change ------------------------------------------------
+
+
+def numbers_of_exciters(st):
+    size = st.floats(1e-3, 10.0)
+    names = ("unbalance_radius_m", "rotor_inertia_kg_m2", "critical_torque_n_m", "critical_slip", "friction_radius_m")
+    return dict.fromkeys((*names, "rated_frequency_hz"), size) | {
+        "pole_pairs": st.integers(1, 6),
+        "rotation": st.sampled_from(["counter-clockwise", "clockwise"]),
+    }
+
+
+def exciters(st):
+    return st.lists(st.fixed_dictionaries({}, optional=numbers_of_exciters(st)), min_size=2, max_size=2)
+
+
+def machines(st):
+    """Exciters by themselves, or the machine with one motor, two or the usual one."""
+    each = numbers_of_exciters(st)
+    motor = st.fixed_dictionaries({}, optional={name: each[name] for name in Motor.model_fields if name in each})
+    common = st.fixed_dictionaries({}, optional={n: each[n] for n in ("unbalance_radius_m", "rotor_inertia_kg_m2")})
+    return st.one_of(
+        st.fixed_dictionaries({"exciters": exciters(st)}),
+        st.fixed_dictionaries({"machine": common, "motor": motor}),
+        st.fixed_dictionaries({"machine": common, "motors": st.lists(motor, min_size=2, max_size=2)}),
+        st.fixed_dictionaries({"machine": common}),
+    )
+
+
+def drives(st):
+    switch = st.sampled_from(["on", "off", True, False])
+    switches = st.one_of(
+        st.fixed_dictionaries({}, optional={"exciter_1": switch, "exciter_2": switch}),
+        st.fixed_dictionaries({"off": st.booleans()}),
+    )
+    return st.one_of(
+        st.fixed_dictionaries({"supply_frequency_hz": st.floats(1.0, 100.0)}),
+        st.lists(st.tuples(st.one_of(st.none(), st.just(0.0), st.floats(1e-3, 100.0)), switches), max_size=5).map(
+            lambda rows: {
+                "program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
+                + [{"t_s": 1.0 + i // 2, "supply_frequency_hz": f, **switches} for i, (f, switches) in enumerate(rows)]
+            }
+        ),
+    )
+
+
+@given(examples=50, given=machines, drive=drives)
+def test_scene_is_written_and_read_without_a_change(given, drive):
+    scene = Scene.from_tree({**given, "drive": drive})
+    assert scene.replace() == scene
+    tree = scene.to_tree()
+    again = Scene.from_tree(json.loads(json.dumps(tree)))
+    assert again.to_tree() == tree
+    assert again.exciter_pair == scene.exciter_pair
+    assert again.drive.intervals == scene.drive.intervals

@@ -119,6 +119,16 @@ def give_access(place):
         pytest.skip("there are no lists of access")
 
 
+def test_shipped_machine_code_that_others_can_write_to_is_not_used(package):
+    shipped = package / cache.SHIPPED / found(package).name
+    shipped.mkdir(parents=True)
+    forget()
+    assert cache._readable()[0] == shipped
+    shipped.chmod(0o702)
+    forget()
+    assert shipped not in cache._readable()
+
+
 def test_group_of_the_user_alone_may_write(package, tmp_path, monkeypatch):
     """As where each user has a group of his name, and files may be written by the group."""
     chosen = tmp_path / "chosen"
@@ -146,6 +156,24 @@ def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_
     assert own.stat().st_mode & 0o777 == 0o700
     told = cache.notice()
     assert told == f"they are kept in {own}, the only folder that can be written; NUMBA_CACHE_DIR names another"
+
+
+def test_user_without_an_entry_in_the_list_of_users_has_a_place(package, tmp_path, monkeypatch):
+    def unknown(_user):
+        raise KeyError("getpwuid(): uid not found")
+
+    monkeypatch.setattr("pwd.getpwuid", unknown)
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid)
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    block(package / "__pycache__")
+    assert found(package).is_relative_to(tmp_path / "temporary")
+
+
+def test_link_in_the_temporary_folder_cannot_be_turned_elsewhere_later(package, tmp_path):
+    block(package / "__pycache__")
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    (tmp_path / f"temporary/numba-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
+    assert found(package).parent == tmp_path / "elsewhere/vibroplat"
 
 
 @pytest.mark.parametrize("why", ["none", "blocked"])
@@ -258,6 +286,27 @@ def test_sources_that_were_parsed_once_are_not_parsed_again(package, monkeypatch
     folders |= {found(package), edited(package, *PROSE[0])}
     assert len(folders) == 1
     assert len(list(folders.pop().glob("sources-*"))) == 2
+
+
+def test_shipped_machine_code_tells_the_sources_that_it_is_of(package, monkeypatch):
+    """A process that can write nothing need not parse either."""
+    kept = found(package)
+    shutil.copytree(kept, package / cache.SHIPPED / kept.name)
+    shutil.rmtree(kept.parent)
+    block(package / "__pycache__")
+    block(Path(tempfile.gettempdir()) / f"numba-{os.getuid()}")
+    monkeypatch.setattr(cache, "_code", refuse)
+    assert found(package) is None
+    assert [place.name for place in cache._readable()] == [kept.name]
+
+
+def test_name_that_others_can_plant_is_not_believed(package):
+    kept = found(package)
+    other = kept.with_name("kernels-0123456789abcdef")
+    kept.rename(other)
+    assert found(package) == other  # whoever can write there is this user
+    other.chmod(0o777)
+    assert found(package) == kept
 
 
 def test_other_compiler_or_setting_of_it_is_another_folder(package, monkeypatch):
@@ -381,9 +430,9 @@ class Word:
 SIGNATURE = numba.float64(numba.float64)
 
 
-def flip(code):
-    """One bit in the middle of a file is another."""
-    bit = 4 * len(code)
+def flip(code, bit=0):
+    """One bit of a file is another, by default in the middle."""
+    bit = bit or 4 * len(code)
     return code[: bit // 8] + bytes([code[bit // 8] ^ 1 << bit % 8]) + code[bit // 8 + 1 :]
 
 
@@ -400,7 +449,10 @@ def replace_by_pipe(path):
 #: What may have become of a file, and what is said of it.
 SPOILED = {
     "flipped": (lambda path: path.write_bytes(flip(path.read_bytes())), "damaged files are"),
+    "flipped digest": (lambda path: path.write_bytes(flip(path.read_bytes(), 3)), "damaged files are"),
     "cut": (lambda path: path.write_bytes(path.read_bytes()[:40]), "damaged files are"),
+    "empty": (lambda path: path.write_bytes(b""), "damaged files are"),
+    "without digest": (lambda path: path.write_bytes(path.read_bytes()[cache.DIGEST_SIZE :]), "damaged files are"),
     "for all": (lambda path: path.chmod(0o666), "files that others can write to are"),
     "for a group": (lambda path: path.chmod(0o660), "files that others can write to are"),
     "for some": (give_access, "files that others can write to are"),
@@ -433,6 +485,25 @@ def test_file_of_another_kernel_or_version_is_not_used(kernel):
         shutil.copy(kernel.path, other)
         with pytest.raises(OSError, match="damaged"):
             cache._machine_code(other)
+
+
+def test_damaged_shipped_machine_code_is_compiled_once_with_a_line(kernel, caplog):
+    kernel.shipped.parent.mkdir(parents=True)
+    kernel.path.rename(kernel.shipped)
+    assert kernel.load() == ("word",)
+    kernel.shipped.write_bytes(flip(kernel.shipped.read_bytes()))
+    assert kernel.load() is None
+    assert caplog.messages == [f"machine code in {kernel.shipped.parent}: damaged files are compiled anew"]
+    kernel.save()
+    assert kernel.load() == ("word",)
+    assert len(caplog.messages) == 1
+
+
+def test_name_of_sources_that_is_not_believed_is_made_anew(kernel, package):
+    state = kernel.path.with_name(cache._state())
+    state.chmod(0o666)
+    assert found(package) == kernel.path.parent
+    assert state.stat().st_mode & 0o777 == 0o600
 
 
 def test_sources_that_are_changed_while_a_process_runs_have_no_machine_code_of_it(kernel, package):

@@ -4,10 +4,11 @@ import os
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 import pandas as pd
 import pytest
+from common.places import ROOT
 
 from vibroplat.errors import TableError
 from vibroplat.results import locks, tables
@@ -31,6 +32,69 @@ def marks(directory):
     result = SavedFiles(directory, "run")
     found = {result.table(name)["v"].iloc[0] for name in ("trajectory", "events")}
     return found | {float(result.document("summary")["v"]), float(result.provenance["v"])}
+
+
+#: A process that writes one result after the other, and takes its time between two files.
+WRITER = """
+import os, random, sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from faults.test_two_writers import write
+from vibroplat.errors import TableError
+from vibroplat.results import files as results
+replace = os.replace
+def slowly(*arguments):
+    time.sleep(random.uniform(0.0, 0.003))
+    replace(*arguments)
+os.replace = slowly
+if {alone}:
+    import contextlib
+    results.replacing = lambda directory: contextlib.nullcontext()
+own, number = {own}, 0
+print("ready", flush=True)
+sys.stdin.readline()
+while number < {rounds}:
+    number += 1
+    try:
+        write(Path({place!r}), 1000 * own + number, random.choice(["parquet", "csv"]))
+    except TableError:
+        assert {alone}
+"""
+
+
+def race(place, rounds, *, alone=False):
+    """Let two processes write into a directory; return what readers have found meanwhile."""
+    with ExitStack() as stack:
+        writers = []
+        for own in (1, 2):
+            text = WRITER.format(tests=str(ROOT / "tests"), place=str(place), own=own, rounds=rounds, alone=alone)
+            line = [sys.executable, "-c", text]
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+            writers.append(stack.enter_context(subprocess.Popen(line, **pipes)))
+        for process in writers:
+            assert process.stdout.readline() == "ready\n"
+        for process in writers:
+            process.stdin.write("go\n")
+            process.stdin.flush()
+        found = []
+        while any(process.poll() is None for process in writers):
+            with suppress(TableError):
+                found.append(marks(place))
+        assert [process.wait() for process in writers] == [0, 0]
+    return found
+
+
+@pytest.mark.long
+def test_two_runs_into_one_folder_leave_the_files_of_one(tmp_path):
+    found = race(tmp_path, 40)
+    assert {len(one) for one in [*found, marks(tmp_path)]} == {1}
+    assert not list(tmp_path.glob(".*"))
+
+
+@pytest.mark.long
+def test_without_locks_no_mixture_of_two_runs_is_read(tmp_path):
+    """As on a file system without locks: files may be mixed, but that is seen."""
+    assert {len(one) for one in race(tmp_path, 40, alone=True)} <= {1}
 
 
 @pytest.mark.parametrize("form", FORMATS)

@@ -12,7 +12,6 @@ from vibroplat import Scene, load, simulate
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.measured import MAX_BYTES, Measured, _number, best_shift, read_data, relative_error
-from vibroplat.plots.run import _measured_interval
 
 from .conftest import drawn
 
@@ -161,6 +160,6 @@ def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_sho
     assert again.errors["y_m"] < 2e-3
     figure = load(tmp_path / "a").plot("motion", data=f"{tmp_path}/rig.csv:t_s=t_s,y=y_m,shift=-12.7")
     assert any("data" in text.get_text() or "rig" in text.get_text() for text in figure.findobj(Text))
-    found = _measured_interval(data, load(tmp_path / "a").trajectory)
+    found = data.interval_in(load(tmp_path / "a").trajectory)
     assert data.shift == pytest.approx(-12.7, abs=1e-3)
     assert found == pytest.approx((0.1, 0.5), abs=2e-3)

@@ -15,7 +15,7 @@ import re
 import stat
 import warnings
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -116,6 +116,17 @@ class Measured:
             curve, column = max(measured, key=lambda of: len(of[0][0]))
             self.shift, self.alike = best_shift(curve, curve_of(simulated, column))
             self.table = self.table.assign(t_s=self.table["t_s"] + self.shift)
+
+    def interval_in(self, whole: pd.DataFrame) -> tuple[float | None, float | None]:
+        """Find the shift in a whole run if it is not known, and the interval that is covered; else (None, None)."""
+        numbers = [column for column in map(str, whole.select_dtypes("number")) if column != "t_s"]
+        if "t_s" not in self.given or not {*numbers} & {*map(str, self.given)}:
+            return None, None
+        selected = replace(self, errors={}).select("t_s", numbers, [*map(str, self.given)])
+        selected.fit(whole)
+        self.shift, self.alike = selected.shift, selected.alike
+        inside = selected.table["t_s"][selected.table["t_s"].between(whole["t_s"].iloc[0], whole["t_s"].iloc[-1])]
+        return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
     def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
         """Store the error of a column relative to the nearest of some curves over ``x``, unless it is known."""

@@ -18,19 +18,7 @@ from vibroplat.plots.histories import SPEEDS, RunTables, lines_of, peaks_of, run
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.results import picture
 from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
-from vibroplat.results.picture import (
-    BLACK,
-    BLUE,
-    BROKEN,
-    CURVES,
-    GREEN,
-    LOW,
-    ORANGE,
-    REFERENCE,
-    VERMILION,
-    Facet,
-    Panel,
-)
+from vibroplat.results.picture import BLACK, BROKEN, CURVES, LOW, REFERENCE, Facet, Panel
 from vibroplat.results.run import RunResult
 
 OPTIONS = ("start", "stop", "data")
@@ -45,7 +33,12 @@ DEPTH, ORDERS, NAMED = 1e4, 20, 10
 #: Shade of contact.
 CONTACT = "#e3eaf0"
 #: Colours of columns of one run; quantities along x are orange in all figures.
-_COLOURS = {"gap_m": VERMILION, "contact_force_n": GREEN, "x_m": ORANGE, "force_x_n": ORANGE}
+_COLOURS = {
+    "gap_m": picture.VERMILION,
+    "contact_force_n": picture.GREEN,
+    "x_m": picture.ORANGE,
+    "force_x_n": picture.ORANGE,
+}
 #: The platform's coordinates; and the name of the axis of y where it is counted from the static rest.
 _MOVING, FROM_REST = ("y_m", "x_m", "phi_rad"), "$y$ from rest (mm)"
 #: Columns whose largest value of the whole run is marked, and what the summary calls it.
@@ -112,7 +105,7 @@ class RunPicture:
     def colour(self, run: RunTables, column: str) -> str:
         """Return the colour of a quantity, or of each run if there are several."""
         number = next(number for number, one in enumerate(self.runs) if one is run)
-        return _COLOURS.get(column, BLUE) if self.only else CURVES[number % len(CURVES)]
+        return _COLOURS.get(column, picture.BLUE) if self.only else CURVES[number % len(CURVES)]
 
     def called(self, run: RunTables, alone: str = "") -> str:
         """Return the name of one of several runs."""
@@ -198,7 +191,7 @@ def pictures(
     given = [] if data is None else [*map(str, data.given)]
     wholes = [whole_of(one, given) for one in results] if data is not None and start is stop is None else []
     if data is not None and data.shift != 0.0 and wholes:
-        start, stop = _measured_interval(data, wholes[0])
+        start, stop = data.interval_in(wholes[0])
     runs = [run_of(one, start, stop, given) for one in results]
     if data is not None:
         numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
@@ -216,18 +209,6 @@ def pictures(
         able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
         raise TableError(f"figure {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
     yield from (FIGURES[kind](shown.anew()) for kind in drawn)
-
-
-def _measured_interval(data: Measured, whole: pd.DataFrame) -> tuple[float | None, float | None]:
-    """Find the shift of data in a whole run if it is not known, and the interval that they cover; else (None, None)."""
-    numbers = [column for column in map(str, whole.select_dtypes("number")) if column != "t_s"]
-    if "t_s" not in data.given or not {*numbers} & {*map(str, data.given)}:
-        return None, None
-    selected = replace(data, errors={}).select("t_s", numbers, [*map(str, data.given)])
-    selected.fit(whole)
-    data.shift, data.alike = selected.shift, selected.alike
-    inside = selected.table["t_s"][selected.table["t_s"].between(whole["t_s"].iloc[0], whole["t_s"].iloc[-1])]
-    return (float(inside.min()), float(inside.max())) if inside.min() < inside.max() else (None, None)
 
 
 def missing(kind: str, shown: RunPicture) -> str:
