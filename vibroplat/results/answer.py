@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from vibroplat.config.digits import quantity
 from vibroplat.config.plausibility import HINT
@@ -153,3 +153,15 @@ def notes_within(notes: Sequence[str], room: int) -> list[str]:
 def noted(note: str) -> str:
     """Return a note with what it is."""
     return note if note.startswith(HINT) else f"note: {note}"
+
+
+class Numbers(dict[str, Any]):
+    """A summary that records which of its numbers were read; missing ones are None."""
+
+    def __init__(self, summary: Mapping[str, Any]) -> None:
+        super().__init__(summary)
+        self.read: set[str] = set()
+
+    def __getitem__(self, name: str) -> Any:
+        self.read.add(name)
+        return self.get(name)

@@ -13,7 +13,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.observe.summary import synchronization
-from vibroplat.results.answer import are_alike, counted, of_both, short_line
+from vibroplat.results.answer import Numbers, are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import SETTLED, limit_text, phase_text, speeds_of_both, transient
 
 #: Minimum rotation, as a stroke at the exciters' distance relative to the largest stroke, to be in the short print.
@@ -67,18 +67,6 @@ class Row(NamedTuple):
     def shortly(self, label: str, *words: str) -> Row:
         """Return the row with a line in the short print."""
         return self._replace(short=(label, self.now, _join(*words)))
-
-
-class Numbers(dict[str, Any]):
-    """A summary that records which of its numbers were read; missing ones are None."""
-
-    def __init__(self, summary: Mapping[str, Any]) -> None:
-        super().__init__(summary)
-        self.read: set[str] = set()
-
-    def __getitem__(self, name: str) -> Any:
-        self.read.add(name)
-        return self.get(name)
 
 
 class Sheet:
