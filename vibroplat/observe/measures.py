@@ -134,8 +134,7 @@ def empty_accumulators(
 ) -> Accumulators:
     """Make empty sums whose measured part begins at a time (s), with room for points of the Poincaré section.
 
-    What the scope leaves out stays as it is before the first step. Records of whole turns are written before they are
-    read, and mean nothing until then.
+    What the scope leaves out stays as it is before the first step.
     """
     marks = _PLAIN_MARKS.copy().view(MARKS)[0]
     marks["scope"], marks["window"], marks["until"] = scope, window, window
@@ -143,10 +142,10 @@ def empty_accumulators(
     extremes = np.concatenate([_PLAIN_EXTREMES] * (WHOLE + blocks)).view(EXTREMES)
     closed = extremes[:1]
     if scope >= WITH_EXTREMES:
-        closed = np.empty(min(points, MAX_FINAL_PERIOD), EXTREMES)
+        closed = np.zeros(min(points, MAX_FINAL_PERIOD), EXTREMES)
     seen = _SEEN.copy() if scope >= WHOLE_RUN else _SEEN
     return Accumulators(
-        np.zeros(N_WORK), plain, open_turn, whole, marks, extremes, closed, seen, np.empty(points, SECTION)
+        np.zeros(N_WORK), plain, open_turn, whole, marks, extremes, closed, seen, np.zeros(points, SECTION)
     )
 
 
