@@ -32,7 +32,7 @@ ADDED = {
     },
     "vibroplat/model/parameters.py": {
         '        ("lower_mass", float),  # m_w1 (kg)': ['        ("gap_damping", float),  # b_g (N·s/m)'],
-        '    p["restitution"] = scene': ['    p["gap_damping"] = scene.contact.gap_damping_n_s_per_m'],
+        '        "restitution": scene': ['        "gap_damping": scene.contact.gap_damping_n_s_per_m,'],
     },
     "vibroplat/model/springs.py": {
         "        0.0,\n": ["        p.gap_damping * v[3],"],

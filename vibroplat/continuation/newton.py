@@ -94,11 +94,11 @@ class NewtonResult:
 
     @cached_property
     def _stability(self) -> tuple[npt.NDArray[np.complex128], Stability]:
-        section_map = self.chart.section_map(self.shot)
-        if not np.isfinite(section_map).all():
+        multipliers = np.empty(self.chart.places.size - 1, complex)
+        found = stability(self.chart.section_map(self.shot), multipliers)
+        if multipliers.size and math.isnan(multipliers[0].real):
             raise NoConvergenceError("the multipliers are not finite")
-        multipliers = np.linalg.eigvals(section_map).astype(complex)
-        return multipliers, stability(multipliers)  # which sorts them
+        return multipliers, found
 
     @cached_property
     def event_sequence(self) -> str:

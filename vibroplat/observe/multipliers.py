@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.eigenvalues import eigenvalues
 
 #: Imaginary part up to which a multiplier is real, but for round-off; magnitudes are equal within 1 / PARTS.
 MAX_IMAGINARY, PARTS = 1e-9, 1e12
@@ -55,8 +56,13 @@ def n_unstable(multipliers: Any) -> int:
 
 
 @compiled
-def stability(multipliers: Any) -> Stability:
-    """Evaluate the stability by multipliers, and sort these: the largest first, of a pair that above the real axis."""
+def stability(section_map: FloatArray, multipliers: Any) -> Stability:
+    """Evaluate the stability by the derivative of the map from section to section, which is overwritten.
+
+    The multipliers are filled, the largest first, of a pair that above the real axis; with nan if they are not found.
+    """
+    if not eigenvalues(section_map, multipliers):
+        multipliers[:] = math.nan
     sort_multipliers(multipliers)
     fold, doubling, neimark_sacker = 1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j
     above = around = below = pairs = 0
