@@ -57,6 +57,8 @@ MESSAGES = {
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
+        "find: {from: neighbour, key: x, start: 0, stop: 1, compare: regime}": "find.from = 'neighbour'; it is now "
+        "previous; allowed: 'initial' or 'previous'",
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
         "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
         "material: {layers: true}": "material.layers = True; allowed: 1 or 2",

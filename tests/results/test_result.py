@@ -65,6 +65,7 @@ def test_a_run_of_schema_1_has_present_names(runs, tmp_path):
         "supply_frequency_hz": {"start": 45.0, "stop": 46.0},
         "settle": "motion",
         "settle_s": 5.0,
+        "grid": {"contact.sticking_speed_m_per_s": [0.0, 0.1]},
     }
     proof["configuration"]["run"]["initial"] = {"phase_sum_rad": 0.3}
     (directory / "provenance.json").write_text(json.dumps(proof))
@@ -74,6 +75,7 @@ def test_a_run_of_schema_1_has_present_names(runs, tmp_path):
     again = load(directory)
     assert (repr(again), again.scene.sweep.settle_by) == (repr(run), "section")
     assert again.scene.run.initial.phase_difference_rad == 0.3
+    assert again.scene.sweep.grid == {"contact.restitution_threshold_m_per_s": [0.0, 0.1]}
     assert again.data_sheet.equals(run.data_sheet)
     assert json.loads((again.save(tmp_path / "again") / "provenance.json").read_text())["schema"] == 2
 
@@ -92,6 +94,8 @@ def test_a_design_of_schema_1_is_drawn(kernels, tmp_path):
     assert [*again.evaluations] == [*fresh.evaluations]
     events = renamed.rename_table(pd.DataFrame({"kind": ["latch", "impact"], "measure": ["margin", "rms_y_m"]}), "run")
     assert events.to_numpy().tolist() == [["chatter", "stability_margin"], ["impact", "rms_y_m"]]
+    keys = renamed.rename_keys_of(pd.DataFrame({"key": ["run.initial.phase_sum_rad", "material.mass_ratio"]}))
+    assert keys["key"].tolist() == ["run.initial.phase_difference_rad", "material.mass_ratio"]
 
 
 @pytest.mark.parametrize("answer", [{"lines": 3}, {"text": [1], "notes": 3}, [], None])

@@ -223,7 +223,9 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     elif first["type"] == "missing":
         line = f"{key} is missing; allowed: a value"
     else:
-        line = f"{key} = {short(first['input'])}; allowed: {_allowed(first)}"
+        former = RENAMED_VALUES.get(key, {})
+        now = next((f"it is now {new}; " for old, new in former.items() if old == first["input"]), "")
+        line = f"{key} = {short(first['input'])}; {now}allowed: {_allowed(first)}"
     return f"{line} (and {len(more)} more)" if more else line
 
 

@@ -338,11 +338,12 @@ class Transport(Section):
         return math.radians(self.deck_angle_deg)
 
 
-#: How the columns of a trajectory begin that are no part of the state.
-DERIVED = (
-    *("t_s", "mode", "contact_force_n", "friction_force_n", "acceleration_", "foundation_"),
-    *("supply_frequency_hz", "motor_power_"),
-)
+#: Columns of a trajectory that are no part of the state, and how others begin.
+DERIVED = {
+    *("t_s", "mode", "contact_force_n", "friction_force_n", "supply_frequency_hz"),
+    *("motor_power_1_w", "motor_power_2_w"),
+}
+DERIVED_BEGIN = ("acceleration_", "foundation_")
 
 
 class State(Section):
@@ -377,7 +378,8 @@ class State(Section):
     def _without_derived(cls, tree: Any) -> Any:
         if not isinstance(tree, dict):
             return tree
-        return {key: value for key, value in tree.items() if not str(key).startswith(DERIVED)}
+        names = {key for key in tree if key in DERIVED or str(key).startswith(DERIVED_BEGIN)}
+        return {key: value for key, value in tree.items() if key not in names}
 
 
 #: Keys of an initial condition with rotating exciters.

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
-from vibroplat.config.schema import MAX_SIZE, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.schema import MAX_SIZE, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
 from vibroplat.config.sections import PHASES
 
 #: Prefix of the keys of initial conditions, and all such keys.
@@ -70,7 +70,8 @@ class BasinsPlan(Section, title="Basins"):
     def _possible(self) -> Self:
         for key, (low, high, *count) in self.initial_conditions.items():
             if key not in INITIAL_KEYS:
-                hint = f"{did_you_mean(key, INITIAL_KEYS)}allowed: {', '.join(INITIAL_KEYS[:5])}, … of run.initial"
+                hint = f"it is now {RENAMED_KEYS[key]}; " if key in RENAMED_KEYS else did_you_mean(key, INITIAL_KEYS)
+                hint += f"allowed: {', '.join(INITIAL_KEYS[:5])}, … of run.initial"
                 raise ValueError(f"initial_conditions.{key!a} is no key of an initial condition; {hint}")
             if not low < high:
                 raise ValueError(

@@ -121,8 +121,10 @@ def spread(points: FloatArray, turns: int, enough: float) -> float:
         return math.inf
     for back in range(turns, points.shape[0]):
         for place in range(points.shape[1]):
-            largest = max(largest, abs(points[last - back, place] - points[last - back % turns, place]))
-        if largest > enough:
+            away = abs(points[last - back, place] - points[last - back % turns, place])
+            if not away <= largest:  # also what is not a number
+                largest = away
+        if not largest <= enough:
             break
     return largest
 

@@ -112,7 +112,7 @@ def _view(picture: Picture) -> View:
 def _plots(picture: Picture, panel: Panel) -> list[Plot]:
     """Return the drawings of a panel: of the whole run and of its last turns, or of the curves that there are."""
     view, plots, usual = _view(picture), [], axis_name(panel.column)
-    name = heading(panel)
+    name = heading(panel, whole=True)
     name = name if name[1:2] in ("", " ") else capital(name)  # symbols keep their letters
     values = view.values(panel.column)
     for facet in picture.facets or [Facet("", range(len(picture.series)))]:

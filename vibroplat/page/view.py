@@ -108,11 +108,11 @@ def axis_name(column: str) -> str:
     return indexed_name(column) if "_" in name or plain_text(name) == display_name(column) else plain_text(name)
 
 
-def heading(panel: Panel) -> str:
-    """Return what is said above a panel."""
-    label = plain_text(panel.label)
+def heading(panel: Panel, *, whole: bool = False) -> str:
+    """Return what is said above a panel: its title, else the label of its axis; or both, for the ``whole``."""
+    label, title = plain_text(panel.label), plain_text(panel.title)
     words = label.rpartition(" (")[0] if label.endswith(")") else label
-    return ": ".join(filter(None, (words, plain_text(panel.title)))) or axis_name(panel.column)
+    return (": ".join(filter(None, (words, title))) if whole else title or words) or axis_name(panel.column)
 
 
 def shown_at(column: str, value: float) -> float:

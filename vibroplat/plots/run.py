@@ -279,7 +279,7 @@ def _conveying(shown: RunPicture) -> picture.Picture:
         places = range(before, before + len(moved))
         strips.append(picture.Strip(name, colour, places, last["mode"].tolist()))
     few = all(run.turns <= MOST_TURNS for run in shown.runs)
-    modes = picture.Strips(strips, picture.MODES) if few else None
+    modes = picture.Strips(strips, picture.MODES, label="modes") if few else None
     facets = int(shown.aligned and not shown.both)
     return shown.picture("conveying", [Panel("along_m")], facets=facets, strips=modes)
 
@@ -361,7 +361,8 @@ def _loads(shown: RunPicture) -> picture.Picture:
         if shown.only:
             _peak(shown, shown.only, column)
     _speeds(shown)
-    static = shown.only.summary.get("foundation_force_y_mean_n") if shown.only else None
+    falls = shown.only and (shown.only.scene is None or shown.only.scene.machine.gravity_m_per_s2)
+    static = shown.only.summary.get("foundation_force_y_mean_n") if shown.only and falls else None
     lines = [picture.Line("force_y_n", [-static], "static force", ":")] if static else []
     return shown.picture("loads", [*(shown.panel(column) for column in columns), _SPEEDS], lines=lines)
 

@@ -20,12 +20,13 @@ from pathlib import Path
 from typing import Any
 
 from vibroplat.config.kinds import KINDS
+from vibroplat.config.schema import RENAMED_KEYS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import renamed
 from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
-from vibroplat.results.renamed import rename_keys, rename_summary, rename_table
+from vibroplat.results.renamed import rename_keys, rename_keys_of, rename_summary, rename_table
 from vibroplat.results.tables import (
     FORMATS,
     Format,
@@ -201,13 +202,14 @@ class SavedFiles:
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
-        if columns is not None and self._is_former:
-            columns = [*columns, *(old for old, new in renamed.COLUMNS.items() if new in columns)]
+        if columns is not None:
+            former = RENAMED_KEYS | (renamed.COLUMNS if self._is_former else {})
+            columns = [*columns, *(old for old, new in former.items() if new in columns)]
         return map(self._present, read_parts(self.directory, name, self._digests, columns, last=last))
 
     def _present(self, table: pd.DataFrame) -> pd.DataFrame:
         """Return a table with present names."""
-        return rename_table(table, self.command) if self._is_former else table
+        return rename_keys_of(rename_table(table, self.command) if self._is_former else table)
 
     @property
     def _is_former(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from vibroplat.config.schema import REMOVED_KEYS, RENAMED_KEYS, RENAMED_VALUES
@@ -35,7 +36,8 @@ _VALUES = {
     "reason": {"twice as long": "extended"},
     "measure": COLUMNS,
 }
-#: Keys of plans that name measures.
+#: Sections that name keys, and keys of plans that name measures.
+_PLANS = ("sweep", "orbits", "find", "basins", "design")
 _OF_MEASURES = ("expression", "constraints", "pareto", "minimize", "measures")
 #: Present names of tables, and what they were.
 TABLES = {"variance_contributions": "shares"}
@@ -46,6 +48,14 @@ def rename_table(table: pd.DataFrame, command: str) -> pd.DataFrame:
     table = table.rename(columns=COLUMNS if command != "paper" else {**COLUMNS, "margin": "margin"})
     texts = {name: values for name, values in _VALUES.items() if name in table}
     return table.assign(**{name: table[name].replace(values) for name, values in texts.items()})
+
+
+def rename_keys_of(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with present keys as names of columns, and as values of the column ``key``."""
+    table = table.rename(columns=RENAMED_KEYS)
+    if "key" in table and table["key"].isin([*RENAMED_KEYS]).any():
+        table = table.assign(key=table["key"].replace(RENAMED_KEYS))
+    return table
 
 
 def rename_summary(summary: dict[str, Any]) -> dict[str, Any]:
@@ -66,9 +76,11 @@ def rename_keys(configuration: dict[str, Any]) -> None:
         section, key = _section_of(configuration, name)
         if isinstance(section.get(key), str):
             section[key] = values.get(section[key], section[key])
-    for name in ("find", "design"):
+    for name in _PLANS:
         plan, _ = _section_of(configuration, f"{name}.")
-        plan |= {key: _rename_measures(plan[key]) for key in _OF_MEASURES if key in plan}
+        plan |= {key: _rename(value, _present_key) for key, value in plan.items()}
+        if name in ("find", "design"):
+            plan |= {key: _rename(plan[key], _present_measures) for key in _OF_MEASURES if key in plan}
 
 
 def _section_of(configuration: Any, name: str) -> tuple[dict[str, Any], str]:
@@ -79,10 +91,18 @@ def _section_of(configuration: Any, name: str) -> tuple[dict[str, Any], str]:
     return (configuration if isinstance(configuration, dict) else {}), key
 
 
-def _rename_measures(value: Any) -> Any:
-    """Return a name, an expression, or names as keys or in a list with present names."""
+def _rename(value: Any, present: Callable[[str], str]) -> Any:
+    """Return a text, or texts as keys or in lists, as they are called at present."""
     if isinstance(value, dict):
-        return {_rename_measures(name): bound for name, bound in value.items()}
+        return {present(name): _rename(part, present) for name, part in value.items()}
     if isinstance(value, list):
-        return [_rename_measures(name) for name in value]
-    return re.sub(r"\w+", lambda word: COLUMNS.get(word[0], word[0]), value) if isinstance(value, str) else value
+        return [_rename(part, present) for part in value]
+    return present(value) if isinstance(value, str) else value
+
+
+def _present_key(name: str) -> str:
+    return RENAMED_KEYS.get(name, name)
+
+
+def _present_measures(expression: str) -> str:
+    return re.sub(r"\w+", lambda word: COLUMNS.get(word[0], word[0]), expression)

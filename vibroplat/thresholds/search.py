@@ -160,7 +160,7 @@ class ThresholdSearch:
             ).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
-    # -- from value to value -----------------------------------------------------------------------------------
+    # -- from value to value -------------------------------------------------------------------------------------------
 
     def _scan_outward(self) -> tuple[list[ScanPoint], list[Threshold]]:
         """Carry the motion on from the scene's own value of the key in both directions."""
