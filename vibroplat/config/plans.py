@@ -220,7 +220,7 @@ class SweepPlan(Section, title="Sweep"):
 
     @classmethod
     def of_motion(cls, **settings: Any) -> Self:
-        """Return how a motion settles and is measured where nothing is swept."""
+        """Return the plan by which a single motion settles and is measured."""
         return cls(supply_frequency_hz=Frequencies(start=1.0, stop=1.0), **settings)
 
     @cached_property

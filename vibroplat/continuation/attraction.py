@@ -35,8 +35,8 @@ MIN_DECAY_RATIO = 0.5
 #: the least number of periods, over which it must be seen from places on the way; and the number of all places, each
 #: SHELL_RATIO times as far from the orbit as the one before. The way is curved and the places lie on a straight line:
 #: quick oscillations begin there. With a multiplier of 0.99987 one period in four may not show the decay; 16 turns do.
-#: Fewer do where a distance falls by VISIBLE_DECAY in them. Of 862 tests along motions of Figs. 3 and 6 and of a map,
-#: 147 fail, all of them in the periods from where the motion is.
+#: Fewer suffice where a distance falls by VISIBLE_DECAY in them: of 862 tests along motions of Figs. 3 and 6 and of a
+#: map 147 fail, all of them in the first periods, from the present state.
 MIN_DECAY_RATIO_ON_WAY, FIRST_PERIODS, TURNS, PERIODS, MAX_PLACES = 0.25, 16, 16, 4, 4
 VISIBLE_DECAY = 0.1
 #: Most halvings of an ellipsoid that is to hold no state of another basin, and directions in which it is tested. They

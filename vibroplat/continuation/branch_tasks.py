@@ -78,12 +78,12 @@ class KnownPoints(NamedTuple):
     own: Sequence[Record]
 
 
-#: Between the points of two branches: it lies on no side of any point.
+#: Separates the points of two branches: no value lies between nan and another one.
 _NOWHERE: Record = {"value": math.nan}
 
 
 class PassedPoints:
-    """Points that were passed before: those of the other branches, and own ones, for which there is some room.
+    """Points that were passed before: those of the other branches, and own ones; more own ones can be added.
 
     Attributes
     ----------

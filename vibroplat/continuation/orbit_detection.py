@@ -283,7 +283,7 @@ def _periods(points: FloatArray, period: int) -> list[int]:
         return []
     near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, MAX_PERIOD_TURNS + 1)])
     shortest = int(np.flatnonzero(near <= 2.0 * near.min())[0]) + 1
-    likely = [n for n in {1: None, shortest: None} if near[n - 1] < MAX_SEARCH_DISTANCE]
+    likely = [n for n in dict.fromkeys((1, shortest)) if near[n - 1] < MAX_SEARCH_DISTANCE]
     return [*likely, period] if period > 1 and period != shortest else likely
 
 

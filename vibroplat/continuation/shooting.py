@@ -78,7 +78,8 @@ class Shot:
         Rates of the state, shape (14,), and its derivative by the start and by the keys, shape (14, 14 + keys);
         None if they were not asked for.
     measure, pieces
-        Views what was measured, and system, beginning and end (s) of each piece between events; if it was asked for.
+        Function that returns the measured interval, None if it was not asked for; and system, beginning and end (s) of
+        each piece between events.
     least_force, least_gap
         Least F_c (N) of contact and least gap (m) at a turning point in flight; inf without one.
     """
@@ -111,7 +112,7 @@ class Shot:
 
     @cached_property
     def part(self) -> MeasuredInterval:
-        """What was measured."""
+        """The measured interval."""
         assert self.measure is not None
         return self.measure()
 
@@ -192,7 +193,7 @@ def event_sequence_text(word: str) -> str:
 
 
 def _view_measured(record: npt.NDArray[np.void], like: Accumulators, energies: list[list[float]]) -> MeasuredInterval:
-    """View what a shot has left as measures like others, with the energies of its ends."""
+    """Return the measured interval of a shot from its record, with the energies of its ends."""
     before, after = (Energies(*numbers) for numbers in energies)
     return MeasuredInterval(unpacked(record, like), before, after)
 
@@ -403,7 +404,7 @@ class Shooter:
         return False
 
     def last_shot(self, duration: float, *, full: bool, measured: bool) -> Shot:
-        """Copy what the last shot has left."""
+        """Copy the last shot from the records."""
         records, motion = self.records, self.motion
         begins, ends, events, pieces, _ = records.shot.item()
         h, state, happened = motion.automaton, records.end.copy(), records.events[:events].copy()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from typing import Any
 
 import numpy as np
 
@@ -60,7 +59,7 @@ class DesignProblem:
     """
 
     def __init__(self, scene: Scene, names: Sequence[str], known: Record, bounds: Bounds) -> None:
-        plan: Any = scene.plan_of("design")
+        plan = scene.plan_of("design")
         keys, self.names = list(plan.keys), list(names)
         self.low, self.high = np.array(list(plan.keys.values()), float).T
         self.log = self.low > 0.0

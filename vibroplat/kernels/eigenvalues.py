@@ -1,7 +1,7 @@
 """Eigenvalues of small real matrices in compiled code: the QR algorithm with implicit double shifts.
 
-To 13 equations numpy takes most of its time for what surrounds LAPACK, which does the same (Golub and Van Loan 2013,
-7.4 and 7.5).
+The algorithm is that of LAPACK (Golub and Van Loan 2013, 7.4 and 7.5). For up to 13 equations numpy spends most of its
+time on the call, not in LAPACK.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ EPSILON = float(np.finfo(float).eps)
 def eigenvalues(matrix: FloatArray, found: Any) -> bool:
     """Find the eigenvalues of a matrix, which is overwritten; False if they are not found."""
     n = matrix.shape[0]
-    room, least = np.empty(n), EPSILON**2 * largest_size(matrix.ravel())
+    room, negligible = np.empty(n), EPSILON**2 * largest_size(matrix.ravel())
     for k in range(n - 2):
         reflect(matrix, k + 1, n, k, 0, n, room)
     end, steps = n, 0
     while end > 0:
-        begin = active_block(matrix, end, least)
+        begin = active_block(matrix, end, negligible)
         if end - begin > 2:
             steps += 1
             if not steps <= MAX_STEPS:
@@ -46,11 +46,11 @@ def eigenvalues(matrix: FloatArray, found: Any) -> bool:
 
 
 @inlined
-def active_block(matrix: FloatArray, end: int, least: float) -> int:
+def active_block(matrix: FloatArray, end: int, negligible: float) -> int:
     """First row of the last block that does not fall apart; what couples it to the rows before becomes 0."""
     for k in range(end - 1, 0, -1):
         size = abs(matrix[k - 1, k - 1]) + abs(matrix[k, k])
-        if abs(matrix[k, k - 1]) <= max(EPSILON * size, least):
+        if abs(matrix[k, k - 1]) <= max(EPSILON * size, negligible):
             matrix[k, k - 1] = 0.0
             return k
     return 0

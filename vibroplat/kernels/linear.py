@@ -87,7 +87,7 @@ def eliminate(matrix: FloatArray, right: FloatArray) -> float:
 
 @compiled
 def bordered_determinant(matrix: FloatArray, border: FloatArray, solution: FloatArray) -> float:
-    """Solve for what a matrix with one column more than rows turns to 0, and whose product with a border is 1.
+    """Find the null vector of a matrix with one column more than rows whose product with a border is 1.
 
     Returns the determinant of the matrix with the border as its last row; where it is 0, there is no solution.
     """

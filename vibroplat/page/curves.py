@@ -41,11 +41,11 @@ class Runs:
         shown = RunPicture([one.tables for one in runs], None, names if len(names) > 1 else ())
         kinds = [kind for kind in FIGURES if not missing(kind, shown)]
         self.platform = _platform(shown.anew(), runs[0].main)
-        self.pictures = [*(FIGURES[kind](shown.anew()) for kind in kinds), _further(shown.anew())]
+        self.pictures = {kind: FIGURES[kind](shown.anew()) for kind in kinds} | {"further": _further(shown.anew())}
 
     def key_figures(self) -> str:
         """Return the curves that matter: the force into the foundation over the run, and the platform's last turns."""
-        loads = next(one for one in self.pictures if one.name == "loads")
+        loads = self.pictures["loads"]
         force = [plot for panel in loads.panels if panel.column in FORCES for plot in _plots(loads, panel)]
         return "".join(plot.html() for plot in (*force[:1], *_plots(self.platform, self.platform.panels[0])))
 
@@ -55,7 +55,7 @@ class Runs:
         speeds = run.tables.envelope[[f"speed_{n}_hz:{end}" for n in (1, 2) for end in ("min", "max")]]
         if not max(float(np.ptp(speeds.iloc[:, at : at + 2])) for at in (0, 2)) > 0.1 * (run.frequency or 0.0):
             return ""
-        exciters = next(one for one in self.pictures if one.name == "exciters")
+        exciters = self.pictures["exciters"]
         until = math.inf if run.steady is None else max(run.steady, run.first + START)
         times = exciters.table["t_s"].where(exciters.table["t_s"] <= until)
         plot = _plots(replace(exciters, table=exciters.table.assign(t_s=times)), exciters.panels[0])[0]
@@ -67,7 +67,7 @@ class Runs:
         """Return the curves of all quantities, the whole run and the last turns in pairs, and how many these are."""
         known: dict[tuple[str, str], list[Plot]] = {}
         bands = ""
-        for picture in self.pictures:
+        for picture in self.pictures.values():
             for panel in picture.panels:
                 key = panel.column, picture.axes[0]
                 known[key] = max(known.get(key, []), _plots(picture, panel), key=len)

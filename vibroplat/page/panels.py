@@ -78,7 +78,7 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     for mark in view.picture.marks:
         for row in mark.rows:
             plot.mark(x_values[row], y_values[row], mark.kind, SIGNS.get(mark.symbol, "◆"), mark.colour)
-    # Where all series are drawn, points of none are found as well.
+    # Where all series are drawn, points that belong to none can be clicked as well.
     whole = len(shown) == len(view.picture.series)
     places = np.arange(len(x_values)) if whole else np.unique(places_of(own))
     view.hits(plot, x_values[places], y_values[places], places)

@@ -109,7 +109,7 @@ def axis_name(column: str) -> str:
 
 
 def heading(panel: Panel, *, whole: bool = False) -> str:
-    """Return what is said above a panel: its title, else the label of its axis; or both, for the ``whole``."""
+    """Return the heading of a panel: its title, else the label of its axis; both if ``whole``."""
     label, title = plain_text(panel.label), plain_text(panel.title)
     words = label.rpartition(" (")[0] if label.endswith(")") else label
     return (": ".join(filter(None, (words, title))) if whole else title or words) or axis_name(panel.column)

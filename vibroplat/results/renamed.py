@@ -92,7 +92,7 @@ def _section_of(configuration: Any, name: str) -> tuple[dict[str, Any], str]:
 
 
 def _rename(value: Any, present: Callable[[str], str]) -> Any:
-    """Return a text, or texts as keys or in lists, as they are called at present."""
+    """Apply a renaming to a text, or to the texts in a list or in the keys and values of a dictionary."""
     if isinstance(value, dict):
         return {present(name): _rename(part, present) for name, part in value.items()}
     if isinstance(value, list):
