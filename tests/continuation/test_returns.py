@@ -8,8 +8,9 @@ import pytest
 
 from vibroplat import load_config
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
-from vibroplat.continuation.orbit_detection import NEAREST_COUNT, RELATIVE_COUNT, is_apart, near_returns
+from vibroplat.continuation.orbit_detection import MIN_SEPARATION, NEAREST_COUNT, RELATIVE_COUNT, near_returns
 from vibroplat.continuation.shooting import TURN, Shooter
+from vibroplat.observe.section import is_apart
 
 from .helpers import MACHINE
 
@@ -55,8 +56,9 @@ def test_returns_that_a_known_orbit_explains_are_not_apart_from_it():
     assert len(tried) == NEAREST_COUNT
     for turns, place in tried:
         distance = float(abs(leaving[place + turns] - leaving[place])[0])
-        assert not is_apart(leaving[place], column([0.0]), distance)
-        assert is_apart(leaving[place], column([0.0, distance]) + leaving[place] + 0.6 * distance, distance)
+        least = MIN_SEPARATION * distance
+        assert not is_apart(leaving[place], column([0.0]), least)
+        assert is_apart(leaving[place], column([0.0, distance]) + leaving[place] + 0.6 * distance, least)
 
 
 def test_returns_from_which_motion_leaves_at_once_are_not_tried_for_their_turns():

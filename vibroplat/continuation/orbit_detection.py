@@ -32,7 +32,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import SECTION_POINTS
 from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
-from vibroplat.observe.section import scaled_points, section_points
+from vibroplat.observe.section import distances, is_apart, scaled_points, section_points
 from vibroplat.study.settling import BLOCK, KnownOrbit, NearReturn, NearReturnOrbits
 
 #: Maximum period searched for (turns of exciter 1), and maximum distance of points of the section (scaled units) at
@@ -164,7 +164,8 @@ class NewtonOrbitDetector:
         for turns, distance, numbers in returns:
             state = np.array(numbers)
             (point,) = scaled_points(state[np.newaxis], self._shooter.scene)
-            if not all(is_apart(point, way, distance) for period, way in known if turns % period == 0):
+            least = MIN_SEPARATION * distance
+            if not all(is_apart(point, way, least) for period, way in known if turns % period == 0):
                 continue
             trials += 1
             self._shooter.motion.reset(state)
@@ -281,7 +282,8 @@ def _periods(points: FloatArray, period: int) -> list[int]:
     """List what the period of a section may be: 1, that after which its last points are near, and a given one."""
     if len(points) < MAX_PERIOD_TURNS + 2:
         return []
-    near = np.array([np.abs(points[-2:] - points[-2 - n : -n]).max() for n in range(1, MAX_PERIOD_TURNS + 1)])
+    last = distances(points[-MAX_PERIOD_TURNS - 2 :], MAX_PERIOD_TURNS)
+    near = np.array([row[-n - 2 : -n].max() for n, row in enumerate(last[1:], 1)])
     shortest = int(np.flatnonzero(near <= 2.0 * near.min())[0]) + 1
     likely = [n for n in dict.fromkeys((1, shortest)) if near[n - 1] < MAX_SEARCH_DISTANCE]
     return [*likely, period] if period > 1 and period != shortest else likely
@@ -300,12 +302,13 @@ def near_returns(points: FloatArray, longest: int) -> Iterator[tuple[int, int]]:
     longest
         Largest number of turns of most returns.
     """
-    away = _distances(points, min(MAX_MORE_TURNS, len(points) - 1))
+    away = distances(points, min(MAX_MORE_TURNS, len(points) - 1))
+    away[away > MAX_DISTANCE] = np.inf
     tried: list[tuple[int, int]] = []
 
     def fresh(turns: int, place: int) -> bool:
         ways = [points[k : k + n] for n, k in tried if n == turns]
-        return all(is_apart(points[place], way, float(away[turns, place])) for way in ways)
+        return all(is_apart(points[place], way, MIN_SEPARATION * away[turns, place]) for way in ways)
 
     def mild(trial: tuple[int, int]) -> bool:
         turns, place = trial
@@ -325,20 +328,6 @@ def near_returns(points: FloatArray, longest: int) -> Iterator[tuple[int, int]]:
             yield from filter(mild, some(candidates, 1))
     long = np.where(own < MAX_RATIO, away, np.inf)
     yield from some(_nearest(long, range(longest + 1, len(away))), MANY_TURNS_COUNT)
-
-
-def is_apart(point: FloatArray, way: FloatArray, distance: float) -> bool:
-    """Whether a point of the section, from which motion returns to this distance, is far from a motion's points."""
-    return bool(np.abs(point - way).max(axis=1).min() > MIN_SEPARATION * distance)
-
-
-def _distances(points: FloatArray, max_turns: int) -> FloatArray:
-    """Distance of each point from the one some turns later, shape (max_turns + 1, turns); inf beyond MAX_DISTANCE."""
-    distances = np.full((max_turns + 1, len(points)), np.inf)
-    for turns in range(1, max_turns + 1):
-        distances[turns, :-turns] = np.abs(points[turns:] - points[:-turns]).max(axis=1)
-    distances[distances > MAX_DISTANCE] = np.inf
-    return distances
 
 
 def _relative(away: FloatArray) -> FloatArray:

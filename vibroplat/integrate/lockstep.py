@@ -109,18 +109,25 @@ def begin(h: Automaton, g: Group, lane: int) -> bool:
         return False
     if h.run.outcome != RUNNING:
         return False
-    if not g.keep:
+    if not keeps(h, g):
         rewind(h.steps)
+    if not g.keep:
         h.run.events = 0
     elif h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size:
         return False
     if not loop.begin_segment(h):
         return False
-    if not g.keep:
+    if not keeps(h, g):
         rewind(h.steps)  # impacts that have been summed up took one
     start(h, g, lane)
     start_moving(h, g, lane, g.moving)
     return True
+
+
+@inlined
+def keeps(h: Automaton, g: Group) -> bool:
+    """Whether the steps of a motion are kept for observers."""
+    return g.keep and h.run.unread == 0
 
 
 @inlined
@@ -211,7 +218,7 @@ def add_step(h: Automaton, g: Group, lane: int) -> None:
     s, status = g.lanes, g.status[lane]
     h.run.zeros = h.run.other_zeros = 0  # they were of the segment's start
     status.before = s.length[lane]
-    if g.keep:
+    if keeps(h, g):
         write_step(h, g, lane, h.steps.used.steps)
         h.steps.used.steps += 1
         status.full = 1 if h.steps.used.steps + MARGIN >= h.steps.start.size else 0
@@ -360,14 +367,14 @@ def look_at_end(h: Automaton, g: Group, lane: int) -> None:
     if status.full == 1 or s.pending[lane] < 0.5:
         s.pending[lane] = s.singly[lane] = 0.0
         return
-    row = h.steps.used.steps if g.keep else (1 if status.before > 0.0 else 0)
+    row = h.steps.used.steps if keeps(h, g) else (1 if status.before > 0.0 else 0)
     if s.singly[lane] > 1.5 or s.counted[lane] > g.max_steps:
         finite = True
         for i in range(FORCE):
             finite = finite and abs(g.room.q[2, i, lane]) < np.inf
         s.pending[lane] = s.singly[lane] = 0.0
         status.open, status.short = 0, 1 if finite else 0
-        if not g.keep and status.before > 0.0:  # where the motion is
+        if not keeps(h, g) and status.before > 0.0:  # where the motion is
             s.done0[lane], s.length[lane] = s.done[lane] - status.before, status.before
             write_step(h, g, lane, 0)
             h.steps.used.steps = 1
@@ -375,7 +382,7 @@ def look_at_end(h: Automaton, g: Group, lane: int) -> None:
     elif s.singly[lane] > 0.5:
         length = end_of_step(h, status, g.room.q, lane, degree, s.done[lane], s.length[lane], h.steps.c[row])
         s.length[lane] = length
-    elif g.keep:
+    elif keeps(h, g):
         write_series(h, g, lane, row)
 
 
@@ -400,7 +407,7 @@ def look_behind(h: Automaton, g: Group, lane: int) -> None:
     if status.stop == ON:
         return
     row = h.steps.used.steps
-    if not g.keep and status.before > 0.0:
+    if not keeps(h, g) and status.before > 0.0:
         h.steps.start[0], h.steps.length[0] = s.done0[lane] - status.before, status.before
         row = h.steps.used.steps = 1
     write_step(h, g, lane, row)

@@ -113,7 +113,7 @@ class Simulator:
         self._run = np.asarray(self.automaton.run).reshape(1)
         self.beginning = record_words(self.automaton.run).copy().view(self._run.dtype)[0]  # numpy copies words faster
         # several times as quick to reach as the fields of a record
-        self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "systems")}
+        self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "unread", "systems")}
         self.held_parameters = (
             record_words(p),
             record_words(self.automaton.p),
@@ -252,6 +252,7 @@ class Simulator:
     def to_time(self, time: float, observers: Sequence[Observer] = ()) -> None:
         """Carry the motion on to a time (s), unless it ends early, through the corners of the drive's program."""
         h, outcome, end = self.automaton, self._field["outcome"], -math.inf
+        self._field["unread"][0] = not observers
         while end < time and self.outcome == "ok" and self.now >= end:
             if time > self.now >= self._interval.end:
                 self._change_supply()
@@ -267,6 +268,7 @@ class Simulator:
                 _rewind(h.steps)  # should memory run out before the engine does so
                 self.go_on()
                 self._tell(observers)
+        self._field["unread"][0] = False
 
     def go_on(self) -> None:
         """Let the engine carry the motion on until its steps are to be read."""

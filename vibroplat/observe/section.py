@@ -110,6 +110,18 @@ def offset_of(state: FloatArray, centre: FloatArray, place: int) -> float:
     return away
 
 
+@inlined
+def distance(one: FloatArray, other: FloatArray) -> float:
+    """Largest distance of two points in any coordinate; inf if one is not a number."""
+    largest = 0.0
+    for place in range(one.size):
+        away = abs(one[place] - other[place])
+        if not away < math.inf:
+            return math.inf
+        largest = max(largest, away)
+    return largest
+
+
 @compiled
 def spread(points: FloatArray, turns: int, enough: float) -> float:
     """Largest distance, in any coordinate, between points that are a multiple of some turns apart, the last one fixed.
@@ -120,22 +132,38 @@ def spread(points: FloatArray, turns: int, enough: float) -> float:
     if points.shape[0] < 2 * turns:
         return math.inf
     for back in range(turns, points.shape[0]):
-        for place in range(points.shape[1]):
-            away = abs(points[last - back, place] - points[last - back % turns, place])
-            if not away <= largest:  # also what is not a number
-                largest = away
-        if not largest <= enough:
+        largest = max(largest, distance(points[last - back], points[last - back % turns]))
+        if largest > enough:
             break
     return largest
 
 
 @compiled
+def is_apart(point: FloatArray, others: FloatArray, least: float) -> bool:
+    """Whether a point is farther than the least distance from each of the others, shape (turns, 14)."""
+    nearest = math.inf
+    for i in range(others.shape[0]):
+        nearest = min(nearest, distance(point, others[i]))
+    return nearest > least
+
+
+@compiled
+def distances(points: FloatArray, turns: int) -> FloatArray:
+    """Distance of each point from the one some turns later, shape (turns + 1, points); inf where there is none."""
+    apart = np.full((turns + 1, points.shape[0]), np.inf)
+    for later in range(1, turns + 1):
+        for place in range(points.shape[0] - later):
+            apart[later, place] = distance(points[place], points[place + later])
+    return apart
+
+
+@compiled
 def spreads(points: FloatArray) -> FloatArray:
     """Return the spread for each number of turns up to MAX_PERIOD, shape (MAX_PERIOD,); see :func:`spread`."""
-    distances = np.empty(MAX_PERIOD)
+    found = np.empty(MAX_PERIOD)
     for n in range(MAX_PERIOD):
-        distances[n] = spread(points, n + 1, math.inf)
-    return distances
+        found[n] = spread(points, n + 1, math.inf)
+    return found
 
 
 def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX_PERIOD) -> int:

@@ -199,7 +199,7 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
     if measured:
         copy(k.blank, k.measured)
         note_energies(k, 0)
-    run.end, run.outcome = duration, RUNNING
+    run.end, run.outcome, run.unread = duration, RUNNING, 0 if full or measured or noted else 1
     while run.outcome == RUNNING and advance(k):
         if full:
             call_kernel(k.follow, (h, k.variation))
@@ -349,7 +349,7 @@ def to_section(k: ShotRecords, turns: int, longest: float) -> bool:
     run = k.h.run
     passed = math.floor((run.state[3] + run.turns[0]) / _TURN + ON_SECTION)
     run.target = target = _TURN * (passed + turns)
-    run.end, run.outcome = run.now + longest, RUNNING
+    run.end, run.outcome, run.unread = run.now + longest, RUNNING, 1
     while run.outcome == RUNNING and advance(k):
         run.events = 0
     run.target = math.nan

@@ -20,6 +20,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, errors_about
 from vibroplat.frames import add_descriptions
 from vibroplat.hybrid.state import static_rest
+from vibroplat.model.sensitivity import with_value
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.results import labels
 
@@ -91,7 +92,7 @@ class SweepBranch:
 
     def at(self, point: int) -> Scene:
         """Return the scene of a point."""
-        return self.scene.replace({self.swept: self.key_values[point]})
+        return scene_at(self.scene, self.swept, self.key_values[point])
 
     def begin(self, state: list[float] | None, point: int) -> list[float] | None:
         """Return the state with which a point begins from that with which the one before began or ended.
@@ -100,6 +101,11 @@ class SweepBranch:
         """
         same = state is None or point == 0 or not self.swept.startswith("material.")  # keys that make layers
         return state if same or state is None else convert_state(state, self.at(point - 1), self.at(point))
+
+
+def scene_at(first: Scene, key: str, value: float) -> Scene:
+    """Return the scene of a point of a branch. A positive supply frequency is always allowed: no check is repeated."""
+    return with_value(first, key.split("."), value) if key == FREQUENCY else first.replace({key: value})
 
 
 def branches(scene: Scene) -> list[SweepBranch]:

@@ -31,6 +31,7 @@ from vibroplat.study.branches import (
     branches,
     column_of,
     place_words,
+    scene_at,
     study_table,
 )
 from vibroplat.study.classification import SearchBeginning
@@ -238,14 +239,14 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     """
     plan = first.sweep
     assert plan is not None
-    return measure_point(first.replace({plan.swept.key: value}), plan, state, key)
+    return measure_point(scene_at(first, plan.swept.key, value), plan, state, key)
 
 
 def search_along(first: Scene, value: float, beginning: Sequence[Any]) -> Record:
     """Search for attractors that coexist with a point of a branch, from where its record says."""
     plan = first.sweep
     assert plan is not None
-    return search_coexisting(first.replace({plan.swept.key: value}), plan, SearchBeginning(*beginning))
+    return search_coexisting(scene_at(first, plan.swept.key, value), plan, SearchBeginning(*beginning))
 
 
 def branch_records(branch: SweepBranch, store: Store) -> Iterator[Record]:
