@@ -7,6 +7,7 @@ import pytest
 from common.known import motion_of
 
 from vibroplat import simulate
+from vibroplat.hybrid.loop import EVENT_ROWS
 from vibroplat.hybrid.modes import KINDS
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.motion.recorder import Recorder
@@ -135,6 +136,25 @@ def test_observers_see_each_step_and_event_once(scene, monkeypatch):
     # a chatter is a step of its own; where the guard's root is at the very end of a step, another adds nothing
     assert counter.steps == steps + counter.chatters
     assert [segment.start for segment in segments.segments[1:]] == [segment.end for segment in segments.segments[:-1]]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"contact.restitution": 0.5, "material.mass_ratio": 0.2, "drive.supply_frequency_hz": 51.5},
+        {"transport": {"friction": 0.5, "deck_angle_deg": 5.0}},
+    ],
+    ids=["accumulating impacts", "transport"],
+)
+def test_a_motion_that_nobody_reads_is_the_same(quickstart, changes):
+    """It has more events than there is room for: it is told of them in parts."""
+    scene, found = quickstart.replace({"solver.engine": "taylor", **changes}), []
+    for observers in ([], [Counter()]):
+        with motion_of(scene) as motion:
+            motion.to_time(40.0, observers)
+            assert motion.events > EVENT_ROWS
+            found.append((motion.state.tolist(), motion.events, motion.engine.work, motion.restarts))
+    assert found[0] == found[1]
 
 
 def test_a_motion_that_begins_again_is_a_new_one(quickstart):
