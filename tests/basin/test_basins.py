@@ -98,17 +98,19 @@ def test_starts_that_come_to_no_orbit_are_one_attractor_of_their_class():
     scene = scene_of(starts, 0.2, **more).replace({"drive.supply_frequency_hz": 60.0})
     result = basins(scene)
     attractors = result.tables["attractors"].set_index("attractor")
-    assert set(attractors.index) == {"beyond-model", "antiphase, chaotic", "in-phase, period 1"}
+    assert set(attractors.index) == {"outside-model-validity", "antiphase, chaotic", "in-phase, period 1"}
     assert attractors["count"].sum() == 10
     assert attractors.loc["antiphase, chaotic", "count"] >= 2
     assert attractors["fraction"].sum() == pytest.approx(1.0)
-    chaotic, lost = attractors.loc["antiphase, chaotic"], attractors.loc["beyond-model"]
+    chaotic, lost = attractors.loc["antiphase, chaotic"], attractors.loc["outside-model-validity"]
     assert (chaotic["period"], chaotic["outcome"]) == (0, "ok")
     assert chaotic["rms_y_m"] > 1e-3
     assert chaotic["impacts_per_period"] > 0.0
     assert math.isnan(lost["rms_y_m"])
     assert len(result.answer.failures) == 5
-    assert {line.partition(" by ")[0] for line in result.answer.failures} == {"beyond-model: the platform has turned"}
+    assert {line.partition(" by ")[0] for line in result.answer.failures} == {
+        "outside-model-validity: the platform has turned"
+    }
 
 
 @pytest.fixture(scope="module")
@@ -140,8 +142,8 @@ def test_orbits_are_looked_for_after_chaos_too():
 
 def test_a_motion_that_ends_early_only_where_it_is_followed_longer_has_a_name():
     """The row that classifies it has neither motion nor synchronization."""
-    now = AttractorSet(scene_of({PHASE: [-3.0, 3.0]}), [{"row": {"outcome": "event-storm", "period": None}}])
-    assert list(name_attractors([now])) == [["event-storm"]]
+    now = AttractorSet(scene_of({PHASE: [-3.0, 3.0]}), [{"row": {"outcome": "too-many-events", "period": None}}])
+    assert list(name_attractors([now])) == [["too-many-events"]]
 
 
 def test_motions_at_a_limit_of_classes_are_alike():
@@ -242,7 +244,7 @@ def test_motions_that_end_early_or_may_escape_from_chaos_are_not_repeated_by_ano
     """Their ends differ from engine to engine."""
     scene = scene_of({PHASE: [-3.0, 3.0]}, 0.2, random=4, max_turns=200).replace({"solver.max_events_per_period": 1})
     result = basins(scene)
-    assert set(result.attractors["outcome"]) == {"event-storm"}
+    assert set(result.attractors["outcome"]) == {"too-many-events"}
     assert BasinsStudy(scene).cross_check_cases(result, None, lambda other: other) == []
     scene = scene_of({PHASE: [-3.0, 3.0]}, random=4)
     result = basins(scene)
@@ -291,7 +293,7 @@ def test_a_motion_that_ends_early_is_told_with_the_time_and_the_state_of_its_end
     with closing(AttractorMapper(scene, 300, [])) as mapper:
         told = mapper.map_states(np.array([initial_state(scene)] * 2))
     alone = simulate(scene, keep="summary").summary
-    assert alone["outcome"] == "beyond-model"
+    assert alone["outcome"] == "outside-model-validity"
     for one in told:
-        assert one["outcome"] == "beyond-model"
+        assert one["outcome"] == "outside-model-validity"
         assert one["detail"].partition("; mode")[2][:30] == alone["detail"].partition("; mode")[2][:30]

@@ -99,7 +99,7 @@ def test_a_wrong_term_below_the_tolerance_is_none():
 def test_an_engine_that_gives_up_is_found():
     scene = run_scene(0.2, **{"contact.restitution": 0.3})
     found = check_run(scene, other=lambda s: s.replace({"solver.max_events_per_period": 3}))
-    assert found.disagreement.endswith("outcome ok (native) and event-storm (native); allowed: the same")
+    assert found.disagreement.endswith("outcome ok (native) and too-many-events (native); allowed: the same")
 
 
 def test_a_run_that_ends_at_once_is_checked():
@@ -107,7 +107,7 @@ def test_a_run_that_ends_at_once_is_checked():
     found = check_run(ending, other=honest)
     assert (found.agrees, found.compared_until_s, found.largest) == (True, 0.0, ())
     found = check_run(run_scene(0.1), other=lambda scene: honest(ending))
-    assert found.disagreement == "at 0 s: outcome ok (native) and beyond-model (native); allowed: the same"
+    assert found.disagreement == "at 0 s: outcome ok (native) and outside-model-validity (native); allowed: the same"
 
 
 def test_a_run_that_amplifies_errors_is_compared_while_that_makes_sense():

@@ -19,6 +19,7 @@ from vibroplat.config.keys import configuration_schema, keys
 from vibroplat.config.kinds import KINDS, OTHERS
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import announce_compilation
+from vibroplat.results.files import SCHEMA
 from vibroplat.results.provenance import configuration_hash, provenance
 from vibroplat.results.tables import read_json, read_table
 from vibroplat.system.interrupts import KEPT, RESUMABLE
@@ -141,19 +142,19 @@ def test_run_that_ends_early_exits_1_and_keeps_what_it_has(command, tmp_path):
     )
     assert done.code == 1
     assert len(done.err.splitlines()) == 1
-    assert done.err.startswith("vibroplat: event-storm: 3 restarts within ")
+    assert done.err.startswith("vibroplat: too-many-events: 3 restarts within ")
     assert "raise solver.max_events_per_period to follow them; mode flight, t = " in done.err
     directory = tmp_path / "storm/run"
     assert {name.partition(".")[0] for name in names(directory)} == RUN_FILES | {"files"}
     summary, trajectory = read_json(directory, "summary"), read_table(directory, "trajectory")
-    assert summary["outcome"] == "event-storm"
+    assert summary["outcome"] == "too-many-events"
     assert "state [" not in done.err  # 14 numbers that nobody reads on a terminal
     assert done.err.endswith(f" s; {directory / 'summary.json'} contains the state at that time\n")
     assert ", state [" in summary["detail"]
     assert trajectory["t_s"].iloc[-1] == summary["simulated_s"] < 1.0
     assert len(read_table(directory, "events")) == summary["events"] >= 3
     assert done.out.startswith("storm: STOPPED at ")
-    assert done.out.splitlines()[0].endswith(" s: event-storm")
+    assert done.out.splitlines()[0].endswith(" s: too-many-events")
     assert load(directory).answer.lines["measured"] == "nothing: the run ended before 0.500 s"
 
 
@@ -171,7 +172,7 @@ def test_provenance_says_where_a_result_came_from(written):
         "python platform libraries"
     )
     assert list(found) == [*told.split(), "configuration", "command", "result", "files"]
-    assert (found["schema"], found["vibroplat"]) == (2, __version__)
+    assert (found["schema"], found["vibroplat"]) == (SCHEMA, __version__)
     assert found["git_commit"] is None or re.fullmatch(r"[0-9a-f]{40}\+?", found["git_commit"])
     age = datetime.now(UTC) - datetime.fromisoformat(found["created"])
     assert 0.0 <= age.total_seconds() < 3600.0

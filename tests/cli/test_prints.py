@@ -158,7 +158,7 @@ def test_kind_knows_all_figures(command):
 #: Changes of a run's summary, and how the headline begins then.
 HEADLINES = {
     "runs at 25.74 Hz (1545 rpm), antiphase: vibrates along y": {},
-    "STOPPED at 0.100 s: event-storm": {"outcome": "event-storm", "simulated_s": 0.1},
+    "STOPPED at 0.100 s: too-many-events": {"outcome": "too-many-events", "simulated_s": 0.1},
     "INACCURATE, runs at 25.74 Hz": {"outcome": "inaccurate"},
     "CAPTURED by the resonance in y: 25.74 Hz, < 0.1 % below the synchronous speed 25.75 Hz": {"captured_by": "y"},
     "nothing measured, the run is too short": {"excitation_frequency_hz": None},

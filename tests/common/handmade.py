@@ -27,7 +27,7 @@ def sweep_table():
                     "material.mass_ratio": ratio,
                     "direction": direction,
                     "branch": branch,
-                    "rotation": "counter-rotating",
+                    "relative_rotation": "counter-rotating",
                     "excitation_frequency_hz": 0.49 * supply,
                     "rms_x_m": 1e-6,
                     "rms_y_m": (4e-3 if high else 1e-3) + 1e-5 * supply,

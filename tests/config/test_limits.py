@@ -7,7 +7,7 @@ from common.places import QUICKSTART
 from vibroplat import load_config, simulate
 
 FINISHED = {"ok", "inaccurate"}
-OUTCOMES = FINISHED | {"solver-failure", "non-finite", "event-storm", "beyond-model"}
+OUTCOMES = FINISHED | {"solver-failure", "non-finite", "too-many-events", "outside-model-validity"}
 
 RISE = {"t_s": 0.0, "supply_frequency_hz": 0.0}
 PROGRAMS = {

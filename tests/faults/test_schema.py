@@ -10,13 +10,13 @@ from common.places import LOADED
 from common.results import bits, left
 
 from vibroplat.errors import TableError
-from vibroplat.results.files import SavedFiles
+from vibroplat.results.files import SCHEMA, SavedFiles
 
 SWEEP = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.1}}\n"
 SWEEP += "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}}\n"
 
 #: Contents of provenance.json that no other version than this one can make sense of; without "schema" none is kept.
-SCHEMAS = [*({"schema": value} for value in (0, 3, "1", None, True, 1.0, [1])), {}, [1], 1]
+SCHEMAS = [*({"schema": value} for value in (0, SCHEMA + 1, "1", None, True, 1.0, [1])), {}, [1], 1]
 GARBAGE = [b"", bytes(1000), bytes(range(256)), b'{"schema": 1, "vibro', b"[" * 100_000]
 GARBAGE += [b'{"schema": 1' + b"0" * 5000 + b"}", b'{"schema": "\\ud800"}']
 
@@ -39,7 +39,7 @@ def test_plot_and_resume_refuse_in_a_line_and_leave_all_as_it_is(here, kernels):
     with closing(sqlite3.connect(directory / "points.sqlite")) as base, base:
         base.execute("DELETE FROM records WHERE second = 1")
     lost = {"schema": 1, "configuration": {}}
-    for content, commands in (({"schema": 3}, ("plot", "sweep")), (lost, ("plot",))):
+    for content, commands in (({"schema": SCHEMA + 1}, ("plot", "sweep")), (lost, ("plot",))):
         proof.write_text(json.dumps(content))
         for name in commands:
             arguments = ("plot", directory) if name == "plot" else ("sweep", "c.yaml", "--resume")

@@ -152,7 +152,7 @@ FINISHED = "; allowed: the directory of a finished run"
 
 def ended_early(directory):
     file = directory / "summary.json"
-    file.write_text(json.dumps(json.loads(file.read_text()) | {"outcome": "event-storm"}))
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"outcome": "too-many-events"}))
 
 
 def rewritten(change):
@@ -173,7 +173,7 @@ SPOILT = {
         lambda directory: (directory / "trajectory.parquet").unlink(),
         f": results/first/run holds no trajectory table{FINISHED}",
     ),
-    "ended early": (ended_early, f": the run ended early (event-storm){FINISHED}"),
+    "ended early": (ended_early, f": the run ended early (too-many-events){FINISHED}"),
     "no time": (rewritten(lambda table: table.drop(columns="t_s")), ": its trajectory is not as vibroplat writes it"),
     "not finite": (ending("y_m", np.nan), ": its trajectory is not as vibroplat writes it"),
     "far too fast": (

@@ -53,10 +53,10 @@ def test_a_run_that_was_not_asked_says_what_to_ask_for(scene):
 def test_a_motion_that_ended_early_has_none(scene):
     storm = scene.replace({"solver.max_events_per_period": 1, "drive.supply_frequency_hz": 51.0, "run.duration_s": 1.0})
     with pytest.raises(
-        ConfigError, match=r"^this run ended early \(event-storm\); the derivative of its end is not known"
+        ConfigError, match=r"^this run ended early \(too-many-events\); the derivative of its end is not known"
     ):
         _ = simulate(storm, variation=True).monodromy
-    with pytest.raises(MotionError, match=r"^the motion ended early \(event-storm\): "):
+    with pytest.raises(MotionError, match=r"^the motion ended early \(too-many-events\): "):
         variation(storm)
 
 

@@ -47,7 +47,7 @@ def test_a_long_bare_run_is_restarted_seldom(printed):
 
 def test_period_of_the_storm_bound_is_the_synchronous_turn():
     run = simulate(ball_on_table(1.5, periods=3).replace({"solver.max_events_per_period": 1}))
-    assert run.outcome == "event-storm"
+    assert run.outcome == "too-many-events"
 
 
 @pytest.mark.parametrize("name", ["two layers", "bare"])

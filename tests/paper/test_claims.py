@@ -288,7 +288,7 @@ def failed_at_one(change):
 def fail(evidence, key, where):
     """Let points of a branch fail: of them nothing is known but their supply frequency."""
     rows = evidence.branches[key].rows
-    lost = {"outcome": "event-storm", "state": None}
+    lost = {"outcome": "too-many-events", "state": None}
     rows[:] = [{"supply_frequency_hz": r["supply_frequency_hz"], **lost} if where(r[F]) else r for r in rows]
 
 

@@ -267,7 +267,7 @@ def test_paper_is_reproduced_and_judged_again_from_what_is_stored(tmp_path, coar
     bands = found.tables["sync-bands"]
     assert set(bands["direction"]) == {"up", "down"}
     counts = bands[bands["restitution"] < 1.0].groupby(["mass_ratio", "restitution", "model", "law", "direction"])
-    assert counts["points"].sum().eq(4).all()  # with R = 1 points end as event storms
+    assert counts["points"].sum().eq(4).all()  # with R = 1 points have too many events
     shown = found.tables["fig7"].groupby(["panel", "curve"]).size()
     assert len(shown) == (16 if beta else 12)
     assert np.isfinite(found.tables["fig4"]["y_m"]).all()

@@ -86,7 +86,7 @@ def test_motions_are_told_apart_by_the_filling_of_markers():
 
 def test_failed_points_have_a_marker_of_their_own_on_the_axis():
     failed = np.arange(21) >= 18
-    rows = branch(outcome=np.where(failed, "event-storm", "ok"))
+    rows = branch(outcome=np.where(failed, "too-many-events", "ok"))
     columns = ["excitation_frequency_hz", "rms_x_m", "rms_y_m", "phase_difference_rad", "sync"]
     rows.loc[failed, columns] = np.nan
     axis = drawn(rows)
@@ -95,7 +95,7 @@ def test_failed_points_have_a_marker_of_their_own_on_the_axis():
     assert crosses.get_transform() == axis.get_xaxis_transform()
     assert np.isfinite(lines(axis)[0].get_ydata()).sum() == 18
     assert fill_failed(rows, "supply_frequency_hz")[failed].tolist() == [51.0, 51.5, 52.0]
-    lost = rows.assign(outcome="event-storm", sync=None, **dict.fromkeys(columns[:4], np.nan))
+    lost = rows.assign(outcome="too-many-events", sync=None, **dict.fromkeys(columns[:4], np.nan))
     assert np.isnan(fill_failed(lost, "excitation_frequency_hz")).all()
     assert len(points(drawn(lost, x="supply_frequency_hz"), marker="x")[-1].get_xdata()) == 21
 

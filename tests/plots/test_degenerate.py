@@ -107,7 +107,7 @@ def every(*changes):
 def failed(table):
     if "outcome" not in table:
         return table
-    return filled(np.nan)(table).assign(outcome="event-storm", sync=None, excitation_frequency_hz=np.nan)
+    return filled(np.nan)(table).assign(outcome="too-many-events", sync=None, excitation_frequency_hz=np.nan)
 
 
 #: How tables are altered, by what they are then.

@@ -179,7 +179,7 @@ def test_the_only_values_of_keys_and_all_failed_points_are_drawn(write):
     one = over(MASS, 0.1 * np.arange(8), second=LAW).query("branch == 0").head(1)
     assert np.ptp(drawn(write(one))["response"].axes[0].get_xlim()) < 0.2
     failed = over(MASS, 0.1 * np.arange(8)).assign(
-        outcome="event-storm", rms_y_m=np.nan, excitation_frequency_hz=np.nan
+        outcome="too-many-events", rms_y_m=np.nan, excitation_frequency_hz=np.nan
     )
     axis = drawn(write(failed))["response"].axes[0]
     crosses = np.concatenate([line.get_xdata() for line in axis.lines if line.get_marker() == "x"])

@@ -284,7 +284,7 @@ def test_a_table_may_hold_failed_points_only_but_not_none(write_sweep):
     with pytest.raises(TableError, match="holds an empty sweep table; there is nothing to plot"):
         drawn(write_sweep(table.iloc[:0]))
     measures = table.columns[list(table.columns).index("branch") + 1 :].difference(["outcome", "motion"])
-    lost = table.assign(outcome="event-storm", **dict.fromkeys(measures, np.nan))
+    lost = table.assign(outcome="too-many-events", **dict.fromkeys(measures, np.nan))
     figure = drawn(write_sweep(lost.astype({"sync": object})))["response"]
     assert figure.get_suptitle() == "Every point failed"
     axis = figure.axes[0]

@@ -12,6 +12,7 @@ from vibroplat import load, load_config
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.results import renamed
+from vibroplat.results.files import SCHEMA
 from vibroplat.results.result import Answer
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
@@ -48,12 +49,12 @@ def test_a_result_is_loaded_as_it_was_computed(kind, kernels, tmp_path):
         load(tmp_path / "nothing", kind)
 
 
-def former(directory, names):
-    """Make a result one of schema 1: names of columns and tables as they were, without digests."""
+def former(directory, names, schema=1):
+    """Make a result one of a former schema: names of columns and tables as they were, without digests."""
     proof = json.loads((directory / "provenance.json").read_text())
     for path in directory.glob("*.parquet"):
         pd.read_parquet(path).rename(columns=names).to_parquet(path)
-    return proof | {"schema": 1, "files": None}
+    return proof | {"schema": schema, "files": None}
 
 
 def test_a_run_of_schema_1_has_present_names(runs, tmp_path):
@@ -77,7 +78,7 @@ def test_a_run_of_schema_1_has_present_names(runs, tmp_path):
     assert again.scene.run.initial.phase_difference_rad == 0.3
     assert again.scene.sweep.grid == {"contact.restitution_threshold_m_per_s": [0.0, 0.1]}
     assert again.data_sheet.equals(run.data_sheet)
-    assert json.loads((again.save(tmp_path / "again") / "provenance.json").read_text())["schema"] == 2
+    assert json.loads((again.save(tmp_path / "again") / "provenance.json").read_text())["schema"] == SCHEMA
 
 
 def test_a_design_of_schema_1_is_drawn(kernels, tmp_path):
@@ -94,6 +95,8 @@ def test_a_design_of_schema_1_is_drawn(kernels, tmp_path):
     assert [*again.evaluations] == [*fresh.evaluations]
     events = renamed.rename_table(pd.DataFrame({"kind": ["latch", "impact"], "measure": ["margin", "rms_y_m"]}), "run")
     assert events.to_numpy().tolist() == [["chatter", "stability_margin"], ["impact", "rms_y_m"]]
+    ends = renamed.rename_table(pd.DataFrame({"outcome": ["ok", "event-storm"], "rotation": ["a", "b"]}), "sweep")
+    assert ends.to_dict("list") == {"outcome": ["ok", "too-many-events"], "relative_rotation": ["a", "b"]}
     keys = renamed.rename_keys_of(pd.DataFrame({"key": ["run.initial.phase_sum_rad", "material.mass_ratio"]}))
     assert keys["key"].tolist() == ["run.initial.phase_difference_rad", "material.mass_ratio"]
 

@@ -31,8 +31,8 @@ def test_a_run_shows_its_answer(run):
 
 def test_a_run_that_failed_says_why(kernels):
     run = simulate(Scene().replace({"run.initial.state": {"phi_rad": 1e20}, "run.duration_s": 0.1}))
-    assert repr(run).splitlines()[1] == "scene: STOPPED at 0: beyond-model"
-    assert "\nbeyond-model: the platform has turned by 1e+20 rad" in repr(run)
+    assert repr(run).splitlines()[1] == "scene: STOPPED at 0: outside-model-validity"
+    assert "\noutside-model-validity: the platform has turned by 1e+20 rad" in repr(run)
     assert "<img" not in run._repr_html_()  # there is nothing to draw
 
 

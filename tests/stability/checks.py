@@ -29,7 +29,7 @@ def sound(scene, summary):
     """
     tolerance, steps = scene.solver.tolerance, max(summary["steps"], 1)
     limits = {}
-    if summary["outcome"] not in ("beyond-model", INACCURATE):
+    if summary["outcome"] not in ("outside-model-validity", INACCURATE):
         # one that hardly turns has less energy than the tolerance is meant for, that of rotors in step
         spinning = max(e.rotor_inertia_kg_m2 for e in scene.exciter_pair) * scene.speed_scale**2
         residual, left = summary["energy_residual"], abs(summary["energy_residual_j"])

@@ -12,7 +12,13 @@ from vibroplat.study.bands import bands
 def told(*parts, **columns):
     """Return the headline and the lines of branches of a sweep."""
     table = pd.concat(parts or [branch(**columns)], ignore_index=True)
-    usual = {"motion": "periodic", "period": 1, "rotation": "counter-rotating", "motor_power_w": 5.0, "coexisting": ""}
+    usual = {
+        "motion": "periodic",
+        "period": 1,
+        "relative_rotation": "counter-rotating",
+        "motor_power_w": 5.0,
+        "coexisting": "",
+    }
     table = table.assign(**{name: value for name, value in usual.items() if name not in table})
     headline, lines = short_answer(table, bands(table))
     assert max(map(len, [headline, *lines])) <= 108
@@ -76,14 +82,14 @@ def test_a_change_across_a_short_band_is_told_by_its_ends():
 
 
 def test_failed_points_chaos_and_coexisting_attractors_are_counted():
-    columns = {"outcome": after(19, "ok", "event-storm"), "motion": after(18, "periodic", "chaotic")}
+    columns = {"outcome": after(19, "ok", "too-many-events"), "motion": after(18, "periodic", "chaotic")}
     headline, lines = told(**columns, coexisting=after(18, "", "antiphase, period 1"))
-    assert headline == "2 of 21 points FAILED (event-storm), f_e 42 … 52 Hz in steps of 0.5, up"
+    assert headline == "2 of 21 points FAILED (too-many-events), f_e 42 … 52 Hz in steps of 0.5, up"
     assert lines[0] == "1 chaotic, the others repeat every turn"
     assert lines[-1] == "at 1 point other attractors coexist: column coexisting"
-    lost = {"outcome": "event-storm", "rms_y_m": np.nan, "rms_x_m": np.nan, "excitation_frequency_hz": np.nan}
+    lost = {"outcome": "too-many-events", "rms_y_m": np.nan, "rms_x_m": np.nan, "excitation_frequency_hz": np.nan}
     headline, lines = told(**lost, sync=None)
-    assert headline == "21 of 21 points FAILED (event-storm), f_e 42 … 52 Hz in steps of 0.5, up"
+    assert headline == "21 of 21 points FAILED (too-many-events), f_e 42 … 52 Hz in steps of 0.5, up"
     assert lines == []
 
 

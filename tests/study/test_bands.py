@@ -83,7 +83,7 @@ def test_a_point_on_the_way_shows_that_the_response_is_steep():
 
 @pytest.mark.parametrize(
     "lost",
-    [{"outcome": "event-storm", "excitation_frequency_hz": np.nan, "rms_y_m": np.nan}, {"rms_y_error_m": 0.3e-3}],
+    [{"outcome": "too-many-events", "excitation_frequency_hz": np.nan, "rms_y_m": np.nan}, {"rms_y_error_m": 0.3e-3}],
     ids=["failed", "jumps-while-measured"],
 )
 def test_a_jump_leads_across_a_point_that_says_nothing(lost):
@@ -113,14 +113,16 @@ def test_nothing_lifts_off_where_there_was_no_material():
     bare = branch(**flight, contact_force_max_n=after(3, np.nan, 60.0))
     assert bands(bare)["kind"].tolist() == ["band", "flight-end", "largest"]
     failed = np.arange(21) == 3
-    assert "liftoff" in bands(branch(**flight).assign(outcome=np.where(failed, "event-storm", "ok")))["kind"].tolist()
+    assert (
+        "liftoff" in bands(branch(**flight).assign(outcome=np.where(failed, "too-many-events", "ok")))["kind"].tolist()
+    )
     none = branch(**flight, contact_force_max_n=after(8, 60.0, np.nan))
     assert bands(none)["kind"].tolist() == ["band", "liftoff", "largest"]
 
 
 def _without(table, failed, columns):
     table.loc[failed, columns] = np.nan
-    return table.assign(outcome=np.where(failed, "event-storm", "ok"))
+    return table.assign(outcome=np.where(failed, "too-many-events", "ok"))
 
 
 def test_bands_name_synchronization_jump_liftoff_and_largest_amplitude():
@@ -148,9 +150,9 @@ def test_failed_points_are_a_band_of_their_own():
     failed = np.arange(21) >= 18
     found = bands(_without(branch(), failed, ["excitation_frequency_hz", "rms_x_m", "rms_y_m", "sync"]))
     row = found[found["kind"] == "failed"].iloc[0]
-    assert (row["name"], row["points"], row["from_supply_frequency_hz"]) == ("event-storm", 3, 51.0)
+    assert (row["name"], row["points"], row["from_supply_frequency_hz"]) == ("too-many-events", 3, 51.0)
     assert np.isnan(row["from_excitation_frequency_hz"])
-    assert any(line.startswith("  event-storm") and "f_e 51 … 52 Hz" in line for line in band_lines(found))
+    assert any(line.startswith("  too-many-events") and "f_e 51 … 52 Hz" in line for line in band_lines(found))
 
 
 def test_bands_are_those_of_each_branch_in_their_order():

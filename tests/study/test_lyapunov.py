@@ -256,7 +256,7 @@ def test_no_exponent_where_the_motion_ends_early():
     scene, state = settled(MACHINE, 62.5, CHAOTIC, 20)
     scene = scene.replace({"solver.max_events_per_period": 1})
     assert np.isnan(largest_exponent(scene, state)).all()
-    with pytest.raises(MotionError, match=r"the motion ended early \(event-storm\)"):
+    with pytest.raises(MotionError, match=r"the motion ended early \(too-many-events\)"):
         lyapunov(scene, state)
 
 

@@ -321,7 +321,7 @@ def test_settling_ends_where_the_motion_does():
     scene = planned(LOADED, 50.0, changes=storm)
     with motion_of(scene) as motion:
         settling = settle(motion, scene.sweep, 150.0)
-    assert motion.outcome == "event-storm"
+    assert motion.outcome == "too-many-events"
     assert (settling.reason, settling.seconds) == ("unfinished", motion.now)
     assert motion.now < 150.0
 

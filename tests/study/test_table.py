@@ -32,7 +32,7 @@ INTERFACE = [
     *("impacts_per_period", "gap_max_m", "contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
     *("outcome", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 ]
-TEXTS = {"direction", "rotation", "sync", "motion", "outcome", "detail", "notes", "coexisting"}
+TEXTS = {"direction", "relative_rotation", "sync", "motion", "outcome", "detail", "notes", "coexisting"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = [*INTERFACE[:2], "detail", *INTERFACE[-6:]]
@@ -57,7 +57,7 @@ def test_columns_are_those_of_the_interface_and_have_its_types(table):
     kinds = {"supply_frequency_hz": "float64", **dict(zip(GRID, ("float64", "int64"), strict=True))}
     kinds |= dict.fromkeys(TEXTS, "str") | dict.fromkeys(COUNTS, "Int64")
     assert table.dtypes.astype(str).to_dict() == {column: kinds.get(column, "float64") for column in found}
-    assert set(table["rotation"]) == {"counter-rotating"}
+    assert set(table["relative_rotation"]) == {"counter-rotating"}
 
 
 def test_types_do_not_depend_on_what_was_found():
@@ -65,7 +65,7 @@ def test_types_do_not_depend_on_what_was_found():
     grid = {key: values[:1] for key, values in GRID.items()}
     failed = swept(LOADED, 51.0, changes=STORM, grid=grid)
     chaotic = swept(MACHINE, 62.5, changes=CHAOTIC, grid=grid, max_settle_s=3.0, measure_s=0.5)
-    assert set(failed["outcome"]) == {"event-storm"}
+    assert set(failed["outcome"]) == {"too-many-events"}
     assert failed.dtypes.equals(chaotic.dtypes)
 
 
@@ -91,7 +91,7 @@ def storming():
 def test_failed_points_are_rows_and_the_branch_goes_on(storming):
     table = swept(LOADED, 44.0, 52.0, step=2.0, direction=["up", "down"], changes=storming)
     good = table["supply_frequency_hz"] < 47.0
-    assert table["outcome"].tolist() == ["ok" if g else "event-storm" for g in good]
+    assert table["outcome"].tolist() == ["ok" if g else "too-many-events" for g in good]
     assert not table[list(OF_THE_OUTCOME)].isna().any(axis=None)
     failed = table[~good]
     assert failed["detail"].str.contains("raise solver.max_events_per_period", regex=False).all()
@@ -129,7 +129,7 @@ class Recorder:
         frequency = scene.drive.supply_frequency_hz
         self.asked.append((frequency, state, key))
         if frequency in self.failing:
-            return SweepPoint({"outcome": "event-storm", "events": 3}, None)
+            return SweepPoint({"outcome": "too-many-events", "events": 3}, None)
         return SweepPoint({"outcome": "ok", "events": 2}, [frequency] * 14)
 
 
@@ -281,14 +281,18 @@ def test_command_with_failed_points_exits_1_and_names_them(command, here, stormi
     done = command("sweep", "c.yaml", "--format", "csv")
     assert done.code == 1
     first, second, last = done.err.splitlines()
-    place = "event-storm at supply_frequency_hz {}, material.layers 2, direction up: 1 restarts within "
+    place = "too-many-events at supply_frequency_hz {}, material.layers 2, direction up: 1 restarts within "
     assert first.startswith(f"vibroplat: {place.format(48.0)}")
     assert second.startswith(f"vibroplat: {place.format(52.0)}")
     assert last == "vibroplat: 2 of the points failed"
-    assert read_table(here / "results/c/sweep", "sweep")["outcome"].tolist() == ["ok", "event-storm", "event-storm"]
+    assert read_table(here / "results/c/sweep", "sweep")["outcome"].tolist() == [
+        "ok",
+        "too-many-events",
+        "too-many-events",
+    ]
     done = command("sweep", "c.yaml", "--set", "sweep.supply_frequency_hz.start=52", "--out", "failed")
     assert (done.code, len(done.err.splitlines()), "nan" in done.out) == (1, 2, False)
-    assert done.out.startswith("1 of 1 point FAILED (event-storm), f_e 52 Hz, up\n")
+    assert done.out.startswith("1 of 1 point FAILED (too-many-events), f_e 52 Hz, up\n")
 
 
 def test_another_kind_removes_what_the_one_before_wrote(command, here):

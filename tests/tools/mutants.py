@@ -140,7 +140,7 @@ BY_ROOM = [
     ("faults", [
         "if form != FORMAT: → if form > FORMAT:",
         "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
-        "if type(schema) is not int or schema not in (1, SCHEMA): → if schema not in (1, SCHEMA):",
+        "if type(schema) is not int or not 1 <= schema <= SCHEMA: → if not 1 <= schema <= SCHEMA:",
         "del node.body[0] → pass",
     ]),
     ("study", [

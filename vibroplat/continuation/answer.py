@@ -157,7 +157,7 @@ def _overview(table: pd.DataFrame, summary: Mapping[str, Any], rotation: str) ->
     """Summarize branches in a few lines: label and text."""
     frequency, height = table["excitation_frequency_hz"], table["rms_y_m"]
     return {
-        "synchronization": synchronizations(table[["sync"]].assign(rotation=rotation)),
+        "synchronization": synchronizations(table[["sync"]].assign(relative_rotation=rotation)),
         "turns": f"{summary['turns']:.0f}, {summary['turns'] / max(len(table), 1):.1f} per point",
         "excitation frequency": interval(frequency.min(), frequency.max(), "Hz"),
         "RMS y": f"{quantity(height.min(), 'm', largest=height.max())} … {quantity(height.max(), 'm')}",

@@ -21,7 +21,7 @@ from vibroplat.hybrid.resets import (
     contact_force,
     contact_holds_at_start,
     forget_starts,
-    is_beyond_model,
+    is_outside_model,
     last_end,
     may_shift,
     move_to,
@@ -35,19 +35,19 @@ from vibroplat.hybrid.sliding import (
     prepare_sliding_end,
 )
 from vibroplat.hybrid.state import (
-    BEYOND_MODEL,
     CONSISTENT,
     DIFFERENTIATED,
     EVENT,
-    EVENT_STORM,
     FORCE_NOISE,
     NON_FINITE,
     OK,
+    OUTSIDE_MODEL,
     RESTARTED,
     ROUND_OFF,
     RUN,
     RUNNING,
     SOLVER_FAILURE,
+    TOO_MANY_EVENTS,
     Automaton,
     Steps,
     absolute_tolerances,
@@ -168,7 +168,7 @@ def begin_segment(h: Automaton) -> bool:
     max_restarts = h.recent.size
     oldest = run.restarts % max_restarts  # all restarts count, so that nothing can go on for ever
     if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period:
-        run.outcome = BEYOND_MODEL if is_beyond_model(h) else EVENT_STORM
+        run.outcome = OUTSIDE_MODEL if is_outside_model(h) else TOO_MANY_EVENTS
         return False
     h.recent[oldest] = run.now
     run.restarts += 1
@@ -208,9 +208,9 @@ def end_segment(h: Automaton, stop: int) -> None:
     elif stop == AT_TIME:
         run.joined = RESTARTED
     elif stop == FAILED:
-        run.outcome = BEYOND_MODEL if is_beyond_model(h) else SOLVER_FAILURE
+        run.outcome = OUTSIDE_MODEL if is_outside_model(h) else SOLVER_FAILURE
     elif stop == NOT_FINITE:
-        run.outcome = BEYOND_MODEL if is_beyond_model(h) else NON_FINITE
+        run.outcome = OUTSIDE_MODEL if is_outside_model(h) else NON_FINITE
     else:
         apply_reset(h)
 

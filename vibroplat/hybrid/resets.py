@@ -14,11 +14,11 @@ from numba import carray  # type: ignore[attr-defined]
 from vibroplat.hybrid.modes import ATTACHED, CHATTER, FLIGHT, IMPACT, LIFTOFF, SUPPLY
 from vibroplat.hybrid.state import (
     AFTER_EVENT,
-    BEYOND_MODEL,
     CONSISTENT,
     CUT,
     DIFFERENTIATED,
     INCONSISTENT,
+    OUTSIDE_MODEL,
     RESTARTED,
     RUNNING,
     STALE,
@@ -68,7 +68,7 @@ def prepare_consistent_start(h: Automaton, mode: int, order: int) -> bool:
     if run.fresh[mode] == STALE:
         gather_unknowns(run, system, run.y[mode])
     if not derivatives(h, system, run.y[mode], run.yp[mode], run.ypp[mode], order):
-        run.outcome = BEYOND_MODEL if is_beyond_model(h) else INCONSISTENT
+        run.outcome = OUTSIDE_MODEL if is_outside_model(h) else INCONSISTENT
         return False
     run.fresh[mode] = order
     return True
@@ -94,7 +94,7 @@ def forget_starts(h: Automaton) -> None:
 
 
 @inlined
-def is_beyond_model(h: Automaton) -> bool:
+def is_outside_model(h: Automaton) -> bool:
     """Whether the platform has turned so far that the model may have no motion there, or is about to in no time."""
     return abs(h.run.state[2]) > h.p.safe_rotation or abs(h.run.state[9]) > RUNAWAY * h.run.speed
 

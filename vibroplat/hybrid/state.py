@@ -133,7 +133,7 @@ def fill_cubic(c: FloatArray, step: float, y0: FloatArray, y1: FloatArray, yp0: 
 
 
 # Outcomes of a run.
-RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, EVENT_STORM, BEYOND_MODEL, OUT_OF_MEMORY = range(8)
+RUNNING, OK, SOLVER_FAILURE, NON_FINITE, INCONSISTENT, TOO_MANY_EVENTS, OUTSIDE_MODEL, OUT_OF_MEMORY = range(8)
 
 # How far the start of a mode at the present state is prepared; integers of numpy, see :mod:`vibroplat.hybrid.modes`.
 _NUMBERS: Any = np.arange(3)

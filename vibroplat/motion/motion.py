@@ -34,8 +34,8 @@ OUTCOMES = {
     hy.SOLVER_FAILURE: "solver-failure",
     hy.NON_FINITE: "non-finite",
     hy.INCONSISTENT: "non-finite",
-    hy.EVENT_STORM: "event-storm",
-    hy.BEYOND_MODEL: "beyond-model",
+    hy.TOO_MANY_EVENTS: "too-many-events",
+    hy.OUTSIDE_MODEL: "outside-model-validity",
     hy.OUT_OF_MEMORY: "out-of-memory",
 }
 
@@ -362,10 +362,10 @@ class Simulator:
         safe = h.p["safe_rotation"]
         why = {
             hy.INCONSISTENT: "there are no finite accelerations",
-            hy.BEYOND_MODEL: f"the platform has turned by {run['state'][2]:.3g} rad, and turns at "
+            hy.OUTSIDE_MODEL: f"the platform has turned by {run['state'][2]:.3g} rad, and turns at "
             f"{run['state'][9]:.3g} rad/s; beyond {safe:.3g} rad the mass matrix of the model, of first order in phi, "
             "need not be positive definite",
-            hy.EVENT_STORM: f"{h.recent.size} restarts within {run['now'] - oldest:.3g} s, less than one period; "
+            hy.TOO_MANY_EVENTS: f"{h.recent.size} restarts within {run['now'] - oldest:.3g} s, less than one period; "
             "raise solver.max_events_per_period to follow them",
             hy.OUT_OF_MEMORY: self._lack,
         }.get(int(run["outcome"]), self.engine.detail)

@@ -66,7 +66,7 @@ SUMMARY: Columns = {
     "detail": Column("time, place and cause, unless the outcome is ok", kind=TEXT),
     "begins_s": Column("time at which the run begins"),
     "simulated_s": Column("simulated time"),
-    "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
+    "relative_rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "perturbation": Column("random change of the initial rates", "scaled units"),
     "static_sag_m": Column(
         "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y relative to this"
@@ -221,7 +221,7 @@ def _summary(
             "detail": doubt or motion.detail,
             "begins_s": start,
             "simulated_s": seconds,
-            "rotation": scene.rotation,
+            "relative_rotation": scene.rotation,
             "perturbation": scene.start_perturbation,
             "static_sag_m": 0.0 - float(static_rest(scene)[1]),
             "period": repeats,

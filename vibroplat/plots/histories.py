@@ -179,7 +179,7 @@ def run_of(
         raise TableError(f"no data between {begin:g} and {end:g} s; {length}")
     events = result.column_parts("events", ("kind",), ("t_s", "impulse_n_s"))
     shown_events = pd.concat([part[part["t_s"].between(detail, end)] for part in events], ignore_index=True)
-    co_rotating = summary.get("rotation") == "co-rotating"
+    co_rotating = summary.get("relative_rotation") == "co-rotating"
     cut = (curves.thinned, curves.envelope(), curves.shown, shown_events)
     return RunTables(summary["name"], scene, *cut, co_rotating, chosen, sag is not None, summary, ends)
 

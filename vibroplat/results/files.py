@@ -49,7 +49,7 @@ STORE = "points.sqlite"
 #: The commands that write results, in the order in which results of one directory are told.
 COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories; increased when an older reader would misread them.
-SCHEMA = 2
+SCHEMA = 3
 
 
 def write_result(
@@ -213,8 +213,8 @@ class SavedFiles:
 
     @property
     def _is_former(self) -> bool:
-        """Whether the result has schema 1."""
-        return bool(self.provenance["schema"] == 1)
+        """Whether the result has an older schema."""
+        return bool(self.provenance["schema"] < SCHEMA)
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
@@ -251,8 +251,8 @@ def read_provenance(directory: Path) -> dict[str, Any]:
         raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, "provenance")
     schema = origin.get("schema") if isinstance(origin, dict) else None
-    if type(schema) is not int or schema not in (1, SCHEMA):
-        raise TableError(f"{directory} holds results of schema {schema}; this version reads schemas 1 and {SCHEMA}")
+    if type(schema) is not int or not 1 <= schema <= SCHEMA:
+        raise TableError(f"{directory} holds results of schema {schema}; this version reads schemas 1 to {SCHEMA}")
     if isinstance(origin.get("configuration"), dict):
         rename_keys(origin["configuration"])
     return dict(origin)

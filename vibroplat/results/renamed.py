@@ -19,6 +19,7 @@ COLUMNS = {
     "coexists": "coexisting",
     "margin": "stability_margin",
     "stage": "reason",
+    "rotation": "relative_rotation",
     **{
         f"{part}torque_share_{n}{end}": f"{part}torque_ratio_{n}{end}"
         for part in ("", "whole_")
@@ -26,8 +27,11 @@ COLUMNS = {
         for end in ("", "_max")
     },
 }
+_OUTCOMES = {"event-storm": "too-many-events", "beyond-model": "outside-model-validity"}
 #: Values of columns, and what they are now.
 _VALUES = {
+    "outcome": _OUTCOMES,
+    "name": _OUTCOMES,
     "kind": {
         "latch": "chatter",
         "level crossing": "level-crossing",
@@ -60,7 +64,10 @@ def rename_keys_of(table: pd.DataFrame) -> pd.DataFrame:
 
 def rename_summary(summary: dict[str, Any]) -> dict[str, Any]:
     """Return the summary of a run with present names."""
-    return {COLUMNS.get(name, name): value for name, value in summary.items()}
+    return {
+        COLUMNS.get(name, name): _OUTCOMES.get(value, value) if name == "outcome" else value
+        for name, value in summary.items()
+    }
 
 
 def rename_keys(configuration: dict[str, Any]) -> None:

@@ -280,11 +280,12 @@ class RunResult(Result):
     def outcome(self) -> str:
         """``ok``, or why the run ended early or is inaccurate; ``summary["detail"]`` has mode, time and state.
 
-        ``solver-failure``: the integrator gave up. ``non-finite``: a state or residual is not finite. ``event-storm``:
-        more events within a turn of the synchronous speed than ``solver.max_events_per_period``. ``beyond-model``: the
-        platform has turned so far that the model, of first order in φ, breaks down. ``out-of-memory``: what is kept
-        would take more than half of the memory available, or there is none left. ``inaccurate``: the run ended on
-        time, but its energy or momentum residual is beyond its limit, and the detail says by how much.
+        ``solver-failure``: the integrator gave up. ``non-finite``: a state or residual is not finite.
+        ``too-many-events``: more events within a turn of the synchronous speed than ``solver.max_events_per_period``.
+        ``outside-model-validity``: the platform has turned so far that the model, of first order in φ, breaks down.
+        ``out-of-memory``: what is kept would take more than half of the memory available, or there is none left.
+        ``inaccurate``: the run ended on time, but its energy or momentum residual is beyond its limit, and the detail
+        says by how much.
         """
         return str(self.summary["outcome"])
 

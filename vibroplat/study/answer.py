@@ -30,7 +30,7 @@ AGREE, EVEN = 0.01, 1e-6
 CONVEYING_SPEED = "conveying_speed_m_per_s"
 #: Columns of points, after the keys and the branch, that the answer is made of.
 NEEDED = {
-    *("outcome", "sync", "rotation", "motion", "period", "coexisting", "flight_fraction", "motor_power_w"),
+    *("outcome", "sync", "relative_rotation", "motion", "period", "coexisting", "flight_fraction", "motor_power_w"),
     *(RMS, "rms_x_m", FORCE, PHASE_COLUMN, CONVEYING_SPEED),
 }
 
@@ -232,7 +232,7 @@ def _agreement(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: st
 
 def sync_counts(table: pd.DataFrame) -> Iterable[tuple[str, str, int]]:
     """Yield the kinds of synchronization: rotation of the exciters, name and number of points."""
-    pairs = zip(table["rotation"].tolist(), table["sync"].tolist(), strict=True)
+    pairs = zip(table["relative_rotation"].tolist(), table["sync"].tolist(), strict=True)
     counts = Counter(pair for pair in pairs if all(isinstance(one, str) for one in pair))
     for (rotation, sync), count in sorted(counts.items(), key=lambda entry: (-entry[1], entry[0])):
         yield rotation, sync, count

@@ -77,7 +77,7 @@ ERRORS = {
 
 #: Columns that a point has besides :data:`vibroplat.observe.summary.MEASURES`.
 POINT: Columns = {
-    "rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
+    "relative_rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "sync": Column(
         "synchronization of the exciters",
         "antiphase: phase difference within pi/3 of pi; in-phase: within pi/3 of 0; intermediate: between; none: "
@@ -339,7 +339,7 @@ def _row_of_work(
 ) -> dict[str, Any]:
     """Return the columns that do not depend on what was measured, of a motion that has not ended early."""
     return {
-        "rotation": scene.rotation,
+        "relative_rotation": scene.rotation,
         "coexisting": "",
         "settle_s": settled,
         "outcome": "ok",

@@ -51,7 +51,7 @@ from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Pr
 
 #: Columns of the table after the swept keys.
 COLUMNS = (
-    *("direction", "branch", "rotation"),
+    *("direction", "branch", "relative_rotation"),
     *MOTION_MEASURES,
     *("sync", "motion", "period", "multiplier_max", "coexisting"),
     *LOAD_MEASURES,

@@ -63,8 +63,8 @@ class Sweeps:
     @cached_property
     def rotation(self) -> str:
         """How the exciters rotate; "" if that varies or is not known."""
-        if "rotation" in self.table:
-            rotations = {*self.table["rotation"].dropna()}
+        if "relative_rotation" in self.table:
+            rotations = {*self.table["relative_rotation"].dropna()}
         else:
             scenes = [] if any("rotation" in key for key in self.grid) else [one.known_scene for one in self.results]
             rotations = {scene.rotation for scene in scenes if scene is not None}
