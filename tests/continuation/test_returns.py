@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from vibroplat import load_config
+from vibroplat.config.coordinates import TURN
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.orbit_detection import MIN_SEPARATION, NEAREST_COUNT, RELATIVE_COUNT, near_returns
-from vibroplat.continuation.shooting import TURN, Shooter
+from vibroplat.continuation.shooting import Shooter
 from vibroplat.observe.section import is_apart
 
 from .helpers import MACHINE

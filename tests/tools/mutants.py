@@ -89,7 +89,7 @@ BY_ROOM = [
         "if after < before: → if after > before:",
         "if not state.gap_m and state.gap_rate_m_per_s < 0.0: → if state.gap_rate_m_per_s < 0.0:",
         "value is None or low <= value <= high → value is None or value <= high",
-        "math.sqrt(stiffness / mass) / (2.0 * math.pi) → math.sqrt(stiffness / mass)",
+        "math.sqrt(stiffness / mass) / TURN → math.sqrt(stiffness / mass)",
         "half * half - stiffness → half * half + stiffness",
         "given = initial.state is not None or initial.from_ is not None → given = initial.state is not None and initial.from_ is not None",
         'Fraction = described(0.0, "R" → Fraction = described(0.5, "R"',

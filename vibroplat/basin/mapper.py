@@ -19,13 +19,13 @@ import numpy.typing as npt
 from vibroplat.basin.initial_conditions import initial_states
 from vibroplat.basin.windows import MEASURES, same_motion
 from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.attraction import expected_decay
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit_detection import MAX_PERIOD_TURNS, NewtonOrbitDetector
-from vibroplat.continuation.shooting import TURN
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import group_for, make_engine
 from vibroplat.kernels.compiled import FloatArray, same_types

@@ -14,7 +14,7 @@ import pandas as pd
 from vibroplat.check import MAX_RATIO, MIN_ALLOWED, Other, with_other_engine, with_other_tolerance
 from vibroplat.check.events import ErrorBound, EventMatches, compared_events, marginal_events, match_events
 from vibroplat.config.arguments import validated
-from vibroplat.config.coordinates import ALONG, COORDINATES
+from vibroplat.config.coordinates import ALONG, COORDINATES, TURN
 from vibroplat.config.digits import given, number, pair, quantity
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.state import force_spread, state_scales
@@ -347,7 +347,7 @@ class _Comparison:
                 f"({other.engine}); allowed difference {number(d.allowed * d.scale, 2)}",
             )
         # another sequence of events, unless that of a repetition differs by then
-        turn = 2.0 * math.pi / self._scene.speed_scale
+        turn = TURN / self._scene.speed_scale
         if math.isfinite(pairs.differ_s) and not any(
             self._match(*pair).differ_s <= pairs.differ_s + turn for pair in self._repeated
         ):

@@ -6,7 +6,6 @@ others by their class alone: of those two engines have no more in common.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ import pandas as pd
 
 from vibroplat.check import Other, with_other_engine
 from vibroplat.columns import PHASE_COLUMN, unit_of
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import pair, percent
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import force_spread, state_scales
@@ -116,7 +116,7 @@ def scales_of(scene: Scene) -> dict[str, float]:
     """Return the scales of the columns that are compared, in their units."""
     scales, speed = state_scales(scene), scene.speed_scale
     torque = sum(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
-    frequency = speed / (2.0 * math.pi)
+    frequency = speed / TURN
     return {
         "excitation_frequency_hz": frequency,
         "frequency_split_hz": frequency,

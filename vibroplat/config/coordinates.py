@@ -5,7 +5,11 @@ They stand apart from all else that a scene is, so that no change of a key compi
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
+
+#: A turn (rad).
+TURN = 2.0 * math.pi
 
 
 class Mode(IntEnum):

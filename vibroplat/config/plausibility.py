@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 
 from vibroplat.config.consistency import given_by_exciters
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
 from vibroplat.config.scene import Scene
@@ -121,7 +122,7 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
     oscillators = scene.oscillators.T.tolist()
     for (axis, spring, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
-        frequency = math.sqrt(stiffness / mass) / (2.0 * math.pi) if stiffness > 0.0 else None
+        frequency = math.sqrt(stiffness / mass) / TURN if stiffness > 0.0 else None
         yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
         keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         ratio = _damping_ratio(damping, stiffness, mass)
@@ -240,7 +241,7 @@ def _weakly_damped(scene: Scene) -> str:
 def _coarse(scene: Scene) -> str:
     """Return the note on a trajectory with few samples of each turn, or an empty text."""
     rate = scene.output.sample_rate_hz
-    each = 2.0 * math.pi * rate / scene.speed_scale
+    each = TURN * rate / scene.speed_scale
     if each >= MIN_SAMPLES_PER_TURN:
         return ""
     return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes"

@@ -20,7 +20,7 @@ from vibroplat.config.arguments import instance_of
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.computation import Output, Solver
 from vibroplat.config.consistency import given_by_exciters, require_consistent
-from vibroplat.config.coordinates import Mode
+from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
@@ -233,7 +233,7 @@ class Scene(Section):
 
     def synchronous_speeds_at(self, frequency: float) -> tuple[float, float]:
         """ω_0 of both motors (rad/s) at a supply frequency (Hz)."""
-        first, second = (2.0 * math.pi * frequency / exciter.pole_pairs for exciter in self.exciter_pair)
+        first, second = (TURN * frequency / exciter.pole_pairs for exciter in self.exciter_pair)
         return first, second
 
     def driven(self, begin: float, end: float) -> tuple[bool, bool]:
@@ -332,7 +332,7 @@ class Scene(Section):
         mass = self.layer_masses[1]
         material = self.material
         if material.natural_frequency_hz is not None:
-            stiffness = (2.0 * math.pi * material.natural_frequency_hz) ** 2
+            stiffness = (TURN * material.natural_frequency_hz) ** 2
         else:
             assert material.stiffness_n_per_m is not None  # ensured by the validator
             stiffness = material.stiffness_n_per_m / mass

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.schema import (
     PERTURBATION,
     Angle,
@@ -117,12 +118,12 @@ class Motor(Section):
         power, speed, ratio = self.rated_power_w, self.rated_speed_rpm, self.breakdown_ratio
         if power is None or speed is None or ratio is None:
             return self.critical_torque_n_m, self.critical_slip
-        rated_torque = power / (2.0 * math.pi * speed / 60.0)
+        rated_torque = power / (TURN * speed / 60.0)
         return ratio * rated_torque, self.rated_slip * (ratio + math.sqrt(ratio * ratio - 1.0))
 
     def critical_slip_speed(self, frequency: float) -> float:
         """Difference between synchronous speed and speed at the critical torque (rad/s), at a supply frequency (Hz)."""
-        return self.critical_slip * (2.0 * math.pi * (self.rated_frequency_hz or frequency) / self.pole_pairs)
+        return self.critical_slip * (TURN * (self.rated_frequency_hz or frequency) / self.pole_pairs)
 
     def torque(self, slip_speed: T, frequency: float) -> T:
         """Torque by Kloss's formula (N·m) at slip speeds ω_0 - ω (rad/s) and a supply frequency above 0 (Hz)."""

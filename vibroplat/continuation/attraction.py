@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.continuation.newton import NewtonResult
-from vibroplat.continuation.shooting import TURN, Shooter
+from vibroplat.continuation.shooting import Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, GAP
 from vibroplat.observe.shots import distance

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.continuation.shooting import TURN, Shooter, Shot, canonical_sequence
+from vibroplat.config.coordinates import TURN
+from vibroplat.continuation.shooting import Shooter, Shot, canonical_sequence
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS

@@ -17,12 +17,12 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.arguments import Keys, validated
-from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import number, quantity
 from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section
-from vibroplat.continuation.shooting import TURN, Shooter, Shot, event_sequence_text
+from vibroplat.continuation.shooting import Shooter, Shot, event_sequence_text
 from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.extensions import figure_of, load_provided
 from vibroplat.hybrid.modes import IMPACT

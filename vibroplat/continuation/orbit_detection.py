@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import AttractionEllipsoid
 from vibroplat.continuation.newton import (
@@ -26,7 +27,7 @@ from vibroplat.continuation.newton import (
     fixed_border,
 )
 from vibroplat.continuation.orbit import TOLERANCE, measure_period, smallest_period, with_orbit_tolerance
-from vibroplat.continuation.shooting import TURN, Shooter
+from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator

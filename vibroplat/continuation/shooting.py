@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import Mode
+from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
@@ -57,7 +57,6 @@ MIN_SECTION_MARGIN, MIN_CONTACT_FRACTION = 0.15, 0.06
 #: motions of the calibrated machine from 56 to 62 Hz that do not repeat, 36 give an orbit of period 1; 24 in 400 turns.
 RETURN_TURNS, MAX_RETURNS = 1600, 16
 
-TURN = 2.0 * math.pi
 
 T = TypeVar("T")
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import NoConvergenceError
@@ -45,7 +46,7 @@ def settling_plan(scene: Scene) -> SweepPlan:
 
 def brief_plan(scene: Scene, settling: float = 1.0, measures_at: float = 1.0, **more: float) -> SweepPlan:
     """Return a plan for motion that starts near its limit; the factors multiply the times of settling and measuring."""
-    turn = 2.0 * math.pi / scene.speed_scale
+    turn = TURN / scene.speed_scale
     times = {"max_settle_s": settling * MAX_SETTLING_TURNS * turn, "measure_s": measures_at * MEASURED_TURNS * turn}
     how = {"settle_by": "section", "perturbation": START_DISTANCE, "lyapunov": False}
     return settling_plan(scene).model_copy(update=times | how | more)

@@ -11,6 +11,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT, STICK
 from vibroplat.hybrid.resets import (
@@ -112,7 +113,7 @@ def beginning(
     runs["state"], runs["along"][:, : len(begun) - FULL_SIZE] = begun[:FULL_SIZE], begun[FULL_SIZE:]
     runs["now"], runs["end"] = time, time + scene.run.duration_s
     runs["speed"] = speed = scene.speed_scale
-    runs["period"] = period = 2.0 * math.pi / speed
+    runs["period"] = period = TURN / speed
     runs["longest"] = turns_per_segment * period
     runs["tolerance"] = scene.solver.tolerance
     runs["force_noise"] = FORCE_NOISE * scene.force_scale
@@ -127,8 +128,6 @@ def beginning(
 # Why a segment ended: its guard fell through zero, its time is up, the angle that the run waits for is reached, the
 # integrator has failed, something is not finite.
 AT_GUARD, AT_TIME, AT_TARGET, FAILED, NOT_FINITE = range(5)
-
-_TURN = 2.0 * math.pi
 
 
 @compiled
@@ -176,7 +175,7 @@ def begin_segment(h: Automaton) -> bool:
     if not prepare_consistent_start(h, mode, CONSISTENT):
         return False
     for exciter in range(2):  # whole turns of its angle
-        whole = _TURN * math.floor(run.state[3 + exciter] / _TURN)
+        whole = TURN * math.floor(run.state[3 + exciter] / TURN)
         run.state[3 + exciter] -= whole
         run.turns[exciter] += whole
     gather_unknowns(run, run.systems[mode], run.y[mode])

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.scene import Scene
 from vibroplat.inspection.linear import (
@@ -30,7 +31,7 @@ from vibroplat.inspection.linear import (
 #: Number of lags and of evenly spaced speeds that are looked at, and of further speeds around each resonance.
 LAGS, SPEEDS, NEAR = 360, 500, 81
 #: All lags once and the first again, at none of which a symmetric machine has a balance.
-LAG = 2.0 * math.pi * (np.arange(LAGS + 1) + 0.4) / LAGS - math.pi
+LAG = TURN * (np.arange(LAGS + 1) + 0.4) / LAGS - math.pi
 
 
 class Balance(NamedTuple):
@@ -138,7 +139,7 @@ def balances(
     weight = apart[at] / (apart[at] - apart[at + 1])
     crossings = [of[at] + weight * (of[at + 1] - of[at]) for of in (speed, LAG)]
     sense = scene.exciter_pair[0].direction
-    return [Balance(w, lag, math.remainder(sense * lag, 2.0 * math.pi)) for w, lag in np.transpose(crossings).tolist()]
+    return [Balance(w, lag, math.remainder(sense * lag, TURN)) for w, lag in np.transpose(crossings).tolist()]
 
 
 def all_balances(scene: Scene, supply: Supply) -> list[Balance]:

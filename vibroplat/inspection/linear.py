@@ -12,11 +12,10 @@ Range: rotations of the platform ≪ 1 rad, speeds that hardly change during a t
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 
 FloatArray = NDArray[np.float64]
@@ -106,4 +105,4 @@ def loaded_frequencies(scene: Scene) -> tuple[float, ...]:
     stiffness = np.diag([scene.machine.stiffness_y_n_per_m, upper * scene.layer_spring[0]])[:n, :n]
     masses = np.array([[total, upper], [upper, upper]])[:n, :n]
     squares = np.linalg.eigvals(np.linalg.solve(masses, stiffness))
-    return tuple((np.sqrt(np.sort(squares.real)) / (2.0 * math.pi)).tolist())
+    return tuple((np.sqrt(np.sort(squares.real)) / TURN).tolist())

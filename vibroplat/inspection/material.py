@@ -35,6 +35,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import NEGLIGIBLE
 from vibroplat.config.scene import Scene
 from vibroplat.frames import pd
@@ -98,7 +99,7 @@ def _follow(
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Return dynamic mass, means over turns, and their last relative change, of material that jumps."""
     mass, _, stiffness = scene.oscillators[:, 1].tolist()
-    step, gravity = 2.0 * math.pi / speed / STEPS, scene.gravity[1]
+    step, gravity = TURN / speed / STEPS, scene.gravity[1]
     lower, upper = scene.layer_masses
     load, square = (lower + upper) * gravity, scene.layer_spring[0]
     if square > (RIGID * speed) ** 2:
@@ -128,7 +129,7 @@ def _turns(
     """Move the state of the layers, the lower one of a mass (kg), by turns; return fundamental and means over turns."""
     lower, turns = of
     mass, damping, stiffness = scene.oscillators[:, 1].tolist()
-    step, gravity = 2.0 * math.pi / speed / STEPS, scene.gravity[1]
+    step, gravity = TURN / speed / STEPS, scene.gravity[1]
     together = mass * lower / (mass + lower)
     slow = max(CONTACT * gravity / speed, scene.contact.restitution_threshold_m_per_s)
     y, rate, height, height_rate, _, above_rate, _ = state
@@ -237,7 +238,7 @@ def range_of_row(scene: Scene, row: pd.Series) -> tuple[float, float]:
     frequency, phase, stroke, throw = row[names].to_numpy(dtype=float, na_value=np.nan).tolist()
     if not math.isfinite(frequency + phase + stroke + throw):
         return math.nan, math.nan
-    speed, lag = 2.0 * math.pi * frequency, scene.exciter_pair[0].direction * phase
+    speed, lag = TURN * frequency, scene.exciter_pair[0].direction * phase
     values = conveying_of(scene, speed, amplitudes(scene, speed, np.array([lag]))[0], stroke, throw)
     return values["conveying_speed_low_m_per_s"], values["conveying_speed_high_m_per_s"]
 

@@ -20,6 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import PERTURBATION
 from vibroplat.config.sections import Initial, Run
@@ -31,7 +32,7 @@ from vibroplat.inspection.linear import FloatArray, couplings, natural_speeds
 FACTORS, ROUNDS, FINER = np.geomspace(0.05, 20.0, 13), 3, 5
 #: What the lag of a start from rest may have become before a resonance (rad): unbalances swing, and the first turns
 #: take as long as chance has it.
-LAGS = 2.0 * math.pi * np.arange(12) / 12
+LAGS = TURN * np.arange(12) / 12
 #: Steps over the time scale of the fastest passage; decay times of the slowest axis, and times to run up, after the
 #: supply's last change; most steps until all has settled, and until starts have passed; a change of speed that gives a
 #: slope, over the synchronous speed.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO, by_severity, notes_on_input
 from vibroplat.config.scene import Scene
@@ -24,8 +25,6 @@ from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion,
 from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
 from vibroplat.results.answer import Answer
 
-#: Radians of a turn.
-TURN = 2.0 * math.pi
 #: Relative difference of both speeds up to which exciters that have started count as turning together.
 TOGETHER = 0.05
 #: Part of the largest velocity, in units of equal energy, from which on the platform moves along an axis.

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.step_end import statuses
-from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.compiled import FloatArray, inlined
 from vibroplat.kernels.vectors import lanes_record
 from vibroplat.model.series import MOTION, MOVING, parameter_rows, room
 
@@ -106,3 +106,9 @@ def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep
         max_steps,
         True if moves else None,
     )
+
+
+@inlined
+def keeps(h: Automaton, g: Group) -> bool:
+    """Whether the steps of a motion are kept for observers."""
+    return g.keep and h.run.unread == 0

@@ -22,7 +22,7 @@ from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
-from vibroplat.integrate.group import Group
+from vibroplat.integrate.group import Group, keeps
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, put_polynomials
 from vibroplat.kernels.compiled import borrow, call_int, compiled, fused, fused_inline, inlined
 from vibroplat.kernels.vectors import (
@@ -122,12 +122,6 @@ def begin(h: Automaton, g: Group, lane: int) -> bool:
     start(h, g, lane)
     start_moving(h, g, lane, g.moving)
     return True
-
-
-@inlined
-def keeps(h: Automaton, g: Group) -> bool:
-    """Whether the steps of a motion are kept for observers."""
-    return g.keep and h.run.unread == 0
 
 
 @inlined

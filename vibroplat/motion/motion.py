@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import Mode
+from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.drive import interval_at
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
@@ -39,7 +39,6 @@ OUTCOMES = {
     hy.OUT_OF_MEMORY: "out-of-memory",
 }
 
-_TURN = 2.0 * math.pi
 #: All motions have automata of the same types.
 _first_mode, _rewind = same_types(first_mode), same_types(rewind)
 
@@ -241,7 +240,7 @@ class Simulator:
         There is room for the last SECTION_ROWS points of its section; for fewer where a part of a run has no more turns
         at FASTEST times the largest synchronous speed.
         """
-        turns = SECTION_ROWS if scope >= WHOLE_RUN else FASTEST * self.scene.speed_scale / _TURN * seconds
+        turns = SECTION_ROWS if scope >= WHOLE_RUN else FASTEST * self.scene.speed_scale / TURN * seconds
         points = int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS))
         if self._observer is None:
             self._observer = Statistics(window, points, len(self.scene.output.points), blocks, scope)
@@ -309,11 +308,11 @@ class Simulator:
             Whether it got there.
         """
         run = self.automaton.run
-        passed = math.floor((run["state"][3] + run["turns"][0]) / _TURN + ON_SECTION)
-        run["target"] = target = _TURN * (passed + turns)
+        passed = math.floor((run["state"][3] + run["turns"][0]) / TURN + ON_SECTION)
+        run["target"] = target = TURN * (passed + turns)
         self.to_time(self.now + longest, observers)
         run["target"] = math.nan
-        return self.outcome == "ok" and self.state[3] > target - _TURN * ON_SECTION
+        return self.outcome == "ok" and self.state[3] > target - TURN * ON_SECTION
 
     @property
     def now(self) -> float:

@@ -5,10 +5,10 @@ Times at which motors are switched are shifted by parts of a turn, too.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from vibroplat.columns import split
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.run import simulate
@@ -59,7 +59,7 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
             times[column] = at
     if not times:
         return {}
-    seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * 2.0 * math.pi / scene.speed_scale
+    seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * TURN / scene.speed_scale
     simulated = SIMULATED_S if summary["engine"] == "taylor" else SIMULATED_S / 10.0  # others are that much slower
     count = min(MOST_SEEDS, max(FEWEST_SEEDS, int(simulated / seconds))) if scene.run.perturbation != 0.0 else 0
     runs = [summary]
@@ -78,7 +78,7 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
 def _with_seed(scene: Scene, k: int, part: float, begin: float) -> Scene:
     """Return a scene with the k-th next seed, and with what is switched after a time (s) later by a part of a turn."""
     changes = {"run.seed": scene.run.seed + k, "run.perturbation": scene.start_perturbation or DISTURBANCE}
-    later = part * 2.0 * math.pi / scene.speed_scale
+    later = part * TURN / scene.speed_scale
     if scene.drive.program is not None:
         entries = [entry.model_dump(exclude_none=True) for entry in scene.drive.program]
         shifted = [entry | {"t_s": entry["t_s"] + later * (entry["t_s"] > begin)} for entry in entries]

@@ -11,6 +11,7 @@ import numpy as np
 
 from vibroplat.columns import Column, Columns, split
 from vibroplat.config.computation import Output
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
 from vibroplat.observe.conveying import CONVEYING, conveying
@@ -41,7 +42,6 @@ RESONANCE_WIDTH = 0.1
 #: foundation, strokes, torques and powers, which are largest while a machine starts or stops.
 TIMED = ("foundation_", "stroke_", "motor_")
 
-_TURN = 2.0 * math.pi
 
 #: Sums of coordinates, and of their squares.
 _SQUARES = {"x": "xx", "y": "yy", "phi": "phi_phi"}
@@ -238,7 +238,7 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
         if speeds is not None and driven[i]:
             sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = float(extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i])
-        sheet[f"speed_ripple_{n}_hz"] = ripple / _TURN
+        sheet[f"speed_ripple_{n}_hz"] = ripple / TURN
     for name in scene.output.springs:
         lifted = mean["y"] + scene.named_points[name][0] * mean["phi"]
         sheet[f"spring_force_mean_{name}_n"] = scene.spring_stiffness * lifted
@@ -357,7 +357,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, slow: Sequence[Any],
             continue
         base, (at, speed) = split(name)[0], _when(fields, columns[name], turn)
         numbers[f"whole_{base}_at_s"] = None if value is None else at
-        numbers[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / _TURN
+        numbers[f"whole_{base}_at_hz"] = None if value is None or speed is None else speed / TURN
     driven = any(scene.driven(float(ms.marks["window"]), float(ms.marks["until"])))
     numbers["synchronized_at_s"], numbers["start_energy_j"] = (
         synchronization_time(ms, scene, start) if locked and driven else (None, None)
@@ -374,7 +374,7 @@ def synchronization_time(ms: Accumulators, scene: Scene, start: float) -> tuple[
     mean, begin = means(ms), ms.marks["first"][0]
     width, fastest = 1.0 / BINS, FASTEST * scene.speed_scale
     middle = (np.arange(BINS) + 0.5) * width
-    away = np.abs(np.angle(np.exp(1j * (_TURN * middle - math.atan2(mean["sine"], mean["cosine"])))))
+    away = np.abs(np.angle(np.exp(1j * (TURN * middle - math.atan2(mean["sine"], mean["cosine"])))))
     outside = [away > math.pi / 3.0]
     for i in (1, 2):
         speed = abs(mean[f"speed_{i}"]) / fastest
@@ -407,6 +407,6 @@ def _capturing_axis(ms: Accumulators, scene: Scene, slowest: tuple[float, float]
     low, high = slowest[0] / (1.0 + RESONANCE_WIDTH), slowest[1]
     sizes = {}
     for (axis, square), natural, weight in zip(_SQUARES.items(), squares, inertia, strict=True):
-        if any(low <= math.sqrt(value) / _TURN < high for value in natural):
+        if any(low <= math.sqrt(value) / TURN < high for value in natural):
             sizes[axis] = weight * (mean[square] - mean[axis] ** 2)
     return max(sizes, key=lambda axis: sizes[axis], default="")

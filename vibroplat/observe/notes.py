@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.coordinates import COORDINATES, RATES
+from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
@@ -99,10 +99,10 @@ def drift(measures: Mapping[str, Any]) -> str:
     """
     if measures["impacts_per_period"] is None:  # no whole turn
         return ""
-    change = abs(2.0 * math.pi * measures["frequency_split_hz"] * measures["measured_s"])
+    change = abs(TURN * measures["frequency_split_hz"] * measures["measured_s"])
     if change <= DRIFTING:
         return ""
-    turns = change / (2.0 * math.pi)
+    turns = change / TURN
     size = quantity(math.degrees(change), "°") if turns < 1.0 else f"{number(turns)} turns"
     return (
         f"the phase difference changes by {size} while it is measured: the motion has "
@@ -156,7 +156,7 @@ def stiffness(scene: Scene, engine: str, steps: int | None, restarts: int, secon
 
     The engine took these steps and restarts in so many seconds of the motion; other engines are implicit.
     """
-    needed = STEPS_A_TURN * seconds * scene.speed_scale / (2.0 * math.pi) + STEPS_A_RESTART * restarts
+    needed = STEPS_A_TURN * seconds * scene.speed_scale / TURN + STEPS_A_RESTART * restarts
     if engine != "taylor" or not steps or steps <= STIFF * needed:
         return ""
     return (
@@ -185,7 +185,7 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
     size = first * math.exp(min(rate * float(times[0] - begin), 50.0))
     if size <= MIN_SWING_RAD:
         return ""
-    if size > 2.0 * math.pi or not rate:
+    if size > TURN or not rate:
         return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
     seconds = 2.0 * (end - begins + max(math.log(last / (0.5 * MIN_SWING_RAD)), 0.0) / rate)
     return (
@@ -206,7 +206,7 @@ def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray
     if fastest <= 0.5 * slowest:
         return ""
     return (
-        f"exciters, off, still turn or swing at up to {quantity(fastest / (2.0 * math.pi), 'Hz')}: larger values may "
+        f"exciters, off, still turn or swing at up to {quantity(fastest / TURN, 'Hz')}: larger values may "
         "follow as they pass resonances, and a longer run.duration_s shows them"
     )
 
@@ -237,8 +237,8 @@ def slow_motors(scene: Scene, measures: Mapping[str, Any]) -> list[SlowMotor]:
     found, turned = [], measures["impacts_per_period"] is not None
     for i, exciter in enumerate(scene.exciter_pair):
         speed = mean + (0.5 - i) * split
-        synchronous = scene.synchronous_speeds_at(supply.frequency)[i] / (2.0 * math.pi)
-        critical = exciter.critical_slip_speed(supply.frequency) / (2.0 * math.pi)
+        synchronous = scene.synchronous_speeds_at(supply.frequency)[i] / TURN
+        critical = exciter.critical_slip_speed(supply.frequency) / TURN
         highest = speed if turned else 2.0 / (end - begin)
         slips = synchronous - highest > CAPTURED * critical and (turned or speed * (end - begin) < 1.0)
         if slips and synchronous > 0.0 and scene.driven(begin, end)[i]:

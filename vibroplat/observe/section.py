@@ -7,13 +7,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.systems import ALONG
 from vibroplat.observe.measures import Accumulators
-
-_TURN = 2.0 * math.pi
 
 #: Part of a turn that a state on the section may lie before it, by round-off.
 ON_SECTION = 1e-9
@@ -106,7 +105,7 @@ def offset_of(state: FloatArray, centre: FloatArray, place: int) -> float:
     """Difference of two full states at a place, without whole turns of an exciter."""
     away = state[place] - centre[place]
     if 3 <= place < 5:
-        away -= _TURN * np.round(away / _TURN)
+        away -= TURN * np.round(away / TURN)
     return away
 
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.hybrid.loop import first_mode
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import EVENT, OK, RUNNING, Automaton, rewind
@@ -35,8 +36,6 @@ from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import ON_SECTION, offset_of
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow, perturb
-
-_TURN = 2.0 * math.pi
 
 #: Parts of measures that a shot needs; the others belong to a Poincaré section.
 PARTS = 6
@@ -216,7 +215,7 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
     if measured:
         note_energies(k, 1)
     shot.ends = run.systems[run.mode]
-    shot.turns += abs(k.end[3] - state[3]) / _TURN
+    shot.turns += abs(k.end[3] - state[3]) / TURN
     if full:
         call_kernel(k.arrive, (h, k.variation))
 
@@ -347,11 +346,11 @@ def to_section(k: ShotRecords, turns: int, longest: float) -> bool:
     See :meth:`vibroplat.motion.motion.Simulator.to_section`.
     """
     run = k.h.run
-    passed = math.floor((run.state[3] + run.turns[0]) / _TURN + ON_SECTION)
-    run.target = target = _TURN * (passed + turns)
+    passed = math.floor((run.state[3] + run.turns[0]) / TURN + ON_SECTION)
+    run.target = target = TURN * (passed + turns)
     run.end, run.outcome, run.unread = run.now + longest, RUNNING, 1
     while run.outcome == RUNNING and advance(k):
         run.events = 0
     run.target = math.nan
     leave(k)
-    return run.outcome == OK and k.end[3] > target - _TURN * ON_SECTION
+    return run.outcome == OK and k.end[3] > target - TURN * ON_SECTION

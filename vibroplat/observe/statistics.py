@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.hybrid.modes import CHATTER, FLIGHT, IMPACT, MODES
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
@@ -70,7 +71,6 @@ _ANGLE = np.array([3])[0]
 #: neglected third moment is below 1e-7 there.
 STILL = 0.02
 
-_TURN = 2.0 * math.pi
 #: Part of a turn that may be missing by round-off.
 _COMPLETE = 1e-12
 #: Turns of exciter 1 within a step beyond which none of them is counted: the motion makes no sense any more.
@@ -224,7 +224,7 @@ def add_step(
         since, cut, way, now = now, 1.0, 0.0, begin + length
         if turn != last:
             way = 1.0 if last > turn else -1.0
-            cut = max(crossing(c, degree, _ANGLE, _TURN * max(turn, turn + way) - turns[0], end[3]), first)
+            cut = max(crossing(c, degree, _ANGLE, TURN * max(turn, turn + way) - turns[0], end[3]), first)
             now = begin + cut * length
         if since < marks.window < now:
             cut, way, now = max((marks.window - begin) / length, first), 0.0, marks.window
@@ -258,7 +258,7 @@ def follow_turn(ms: Accumulators, steps: Steps, row: int, piece: Any, degree: in
         for i in range(2):
             turn[i, 0], turn[i, 1], turn[i, 2] = begin, c[0, 3] + turns[0], c[0, 4] + turns[1]
     turn[2, 0], turn[2, 1], turn[2, 2] = begin + length, end[3] + turns[0], end[4] + turns[1]
-    if abs(turn[2, 1] - turn[1, 1]) >= _TURN or abs(turn[2, 2] - turn[1, 2]) >= _TURN:
+    if abs(turn[2, 1] - turn[1, 1]) >= TURN or abs(turn[2, 2] - turn[1, 2]) >= TURN:
         complete_turn(ms, steps, row, piece, degree)
 
 
@@ -269,8 +269,8 @@ def complete_turn(ms: Accumulators, steps: Steps, row: int, piece: Any, degree: 
     length, rates = steps.length[row], DIFFERENTIAL[piece.system] // 2 + 3
     for i in range(2):
         way = turn[2, 1 + i] - turn[1, 1 + i]
-        if abs(way) >= _TURN:
-            level = turn[1, 1 + i] + math.copysign(_TURN * math.floor(abs(way) / _TURN), way)
+        if abs(way) >= TURN:
+            level = turn[1, 1 + i] + math.copysign(TURN * math.floor(abs(way) / TURN), way)
             angle, angle_after = c[0, 3 + i] + turns[i], turn[2, 1 + i]
             cut = min(cut, place_of_angle(level, angle, angle_after, c[1, 3 + i], length * steps.ends[row][rates + i]))
     for i in range(3):
@@ -321,14 +321,14 @@ def add_part(
 @inlined
 def whole_turns(angle: float, turns: float) -> float:
     """Whole turns of an exciter; a turn at whose end the motion was stopped counts, in spite of round-off."""
-    return math.floor((angle + turns) / _TURN + _COMPLETE)
+    return math.floor((angle + turns) / TURN + _COMPLETE)
 
 
 @inlined
 def mark_bins(ms: Accumulators, end: FloatArray, now: float, system: int, fastest: float, p: Parameters) -> None:
     """Note that the phase difference and the speeds at the end of a step have been met."""
     n = DIFFERENTIAL[system] // 2
-    turns = (end[3] - p.direction[0] * p.direction[1] * end[4]) / _TURN
+    turns = (end[3] - p.direction[0] * p.direction[1] * end[4]) / TURN
     which = (turns - math.floor(turns), min(abs(end[n + 3]) / fastest, 1.0), min(abs(end[n + 4]) / fastest, 1.0))
     for i in range(3):
         place = ms.seen[i, min(int(BINS * which[i]), BINS - 1)]

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import COUNT, Column, Columns, sync_name
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
@@ -180,7 +181,7 @@ def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
     # without a whole turn: of exciters that swing or stand still
     passed = (marks["last"] - marks["first"]).tolist()
     seconds, one, two = passed[:3] if turned else (1.0, mean["speed_1"], mean["speed_2"])
-    first, second = abs(one) / (2.0 * math.pi * seconds), abs(two) / (2.0 * math.pi * seconds)
+    first, second = abs(one) / (TURN * seconds), abs(two) / (TURN * seconds)
     return {
         "rms_x_m": rms_about_mean(mean, "x", "xx"),
         "rms_y_m": rms_about_mean(mean, "y", "yy"),
@@ -263,7 +264,7 @@ def largest_values(extremes: Any) -> dict[str, float | None]:
 
 def wrap_angle(angle: float, near: float = 1e-12) -> float:
     """Wrap an angle to (−π, π]; an angle within ``near`` of −π becomes π."""
-    return min(angle + 2.0 * math.pi, math.pi) if angle <= -math.pi + near else angle
+    return min(angle + TURN, math.pi) if angle <= -math.pi + near else angle
 
 
 #: Counts of events, as :data:`vibroplat.hybrid.modes.KINDS`: a corner of the drive is no event of the motion.
@@ -404,7 +405,7 @@ def synchronization(measures: Mapping[str, Any]) -> str:
     split, seconds, phase = measures["frequency_split_hz"], measures["measured_s"], measures["phase_difference_rad"]
     if (
         measures["impacts_per_period"] is None
-        or abs(split) * 2.0 * math.pi * seconds > MAX_DRIFT
+        or abs(split) * TURN * seconds > MAX_DRIFT
         or measures["phase_coherence"] < COHERENCE
     ):
         return "none"

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.extremes import HEIGHT, SIDEWAYS, merge_extremes
@@ -62,7 +63,7 @@ def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> lis
     found = []
     for axis, k in enumerate((SIDEWAYS, HEIGHT)):
         expected = 0.5 * float(damping[axis] / inertia[axis])
-        swing = 2.0 * math.pi * math.sqrt(inertia[axis] / stiffness[axis]) if stiffness[axis] else math.inf
+        swing = TURN * math.sqrt(inertia[axis] / stiffness[axis]) if stiffness[axis] else math.inf
         size, seen = _range_at(since, rows["t"], rows["state"][:, axis], turns, (expected, swing))
         left = 0.0
         if not seen:  # the largest stroke was before the measured part, or this motion has been so from its beginning

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 
 #: Half the platform's width, length of a spring, of those between layers, largest of the force's arrow, room for
@@ -68,7 +69,7 @@ def moving(frames: pd.DataFrame, scene: Scene, hits: Sequence[Sequence[float]], 
     scale, k = scale_of(machine_of(scene)), magnification(frames, machine_of(scene))
     unseen = 1e-4 * ROOM / (scale * k)
     least = dict.fromkeys(("x_m", "y_m", "gap_m", "upper_m"), unseen) | {"phi_rad": unseen / HALF * scale}
-    turned = frames.assign(**{angle: np.mod(frames[angle], 2.0 * math.pi) for angle in ("phi1_rad", "phi2_rad")})
+    turned = frames.assign(**{angle: np.mod(frames[angle], TURN) for angle in ("phi1_rad", "phi2_rad")})
     known = [name for name in MOVING if name in frames and frames[name].notna().any()]
     columns = {name: pack(turned[name], least.get(name, 0.0)) for name in known}
     return {"columns": columns, "frames": len(frames), "k": k, "hits": hits, **more}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page.machine import machine_of, moving, pack
@@ -119,7 +120,7 @@ class Motions:
     def _packed(self, scene: Scene, trajectory: pd.DataFrame, events: pd.DataFrame) -> dict[str, Any]:
         """Return what the page shows of an orbit."""
         seconds = float(trajectory["t_s"].iloc[-1])
-        turns = max(1, round(abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / (2.0 * np.pi)))
+        turns = max(1, round(abs(float(np.ptp(trajectory["phi1_rad"].iloc[[0, -1]]))) / TURN))
         count, machine = SAMPLES * turns, machine_of(scene)
         self.machines += [] if machine in self.machines else [machine]
         samples = resample(trajectory, scene, np.linspace(0.0, seconds, count, endpoint=False), "y_rate_m_per_s")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.page.machine import FRAMES, MOVING, moving
 from vibroplat.page.svg import Floats
@@ -109,7 +110,7 @@ def _motion(result: RunResult, struck: pd.DataFrame, thin: pd.DataFrame) -> dict
 
     They begin where exciter 1 passes the same angle, so that one goes on where another one ends.
     """
-    turns = result.scene.exciter_pair[0].direction * thin["phi1_rad"].to_numpy(dtype=float) / (2.0 * math.pi)
+    turns = result.scene.exciter_pair[0].direction * thin["phi1_rad"].to_numpy(dtype=float) / TURN
     period = result.summary.get("period")
     last = min(period, MOST_PERIODS) if isinstance(period, int) and period > 0 else MOST_PERIODS if period == 0 else 1
     windows = windows_of(thin["t_s"].to_numpy(dtype=float), turns, result.summary.get("excitation_frequency_hz"), last)

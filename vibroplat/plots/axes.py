@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, Quantity, describe_sync, quantity_of
+from vibroplat.config.coordinates import TURN
 from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
 from vibroplat.results.picture import REFERENCE, SYNC
 
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 _SHOWN = COORDINATES | FORCES | {"t_s": Quantity("time", "s")}
-#: A turn (rad), and where phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
-TURN, LOWEST_PHASE = 2.0 * np.pi, -0.5 * np.pi
+#: Where phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
+LOWEST_PHASE = -0.5 * np.pi
 #: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
 SYNC_DISTANCE = np.pi / 3.0
 #: Margin of an axis beyond its data, relative to its range, so that markers are whole; and the smallest range, relative

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.continuation.orbit import Orbit
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.plots.command import FIGURE_NAMES, draw_results, pictures_of
@@ -53,7 +54,7 @@ def _result_figure(result: Result, kind: str | None, options: Mapping[str, Any])
 def orbit_figure(orbit: Orbit) -> Figure:
     """Draw an orbit: its speed over its height, and the gap over turns of exciter 1 where there is material."""
     table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
-    turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / (2.0 * np.pi)
+    turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / TURN
     title = f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}"
     panels = [Panel("y_rate_m_per_s", "y_from_rest_m", label=r"$\dot y$ (m/s)", title=title)]
     panels += [Panel("gap_m", "turns_of_exciter_1", least=0.0)] if orbit.scene.has_contact else []

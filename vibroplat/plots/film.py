@@ -17,6 +17,7 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.transforms import Affine2D
 from PIL import Image
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.hybrid.state import static_rest
@@ -81,7 +82,7 @@ def write_film(
     table = run.shown.drop_duplicates("t_s", keep="last")
     if not run.chosen and run.turns > turns:
         table = table[table["t_s"] >= table["t_s"].iloc[-1] - turns / run.turns * float(np.ptp(table["t_s"]))]
-    turned = abs(float(np.ptp(table["phi1_rad"]))) / (2.0 * math.pi)
+    turned = abs(float(np.ptp(table["phi1_rad"]))) / TURN
     times = np.linspace(
         table["t_s"].iloc[0], table["t_s"].iloc[-1], min(max(round(frames * turned), 2), MAX_PICTURES), endpoint=False
     )

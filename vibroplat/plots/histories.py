@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COORDINATES, FORCES
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
@@ -103,7 +104,7 @@ class RunTables:
     @cached_property
     def last(self) -> pd.DataFrame:
         """Rows of the last turns, which are shown next to the whole run; all shown rows if an interval was given."""
-        turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / (2.0 * math.pi)
+        turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / TURN
         rows = self.shown[turns <= shown_turns(self.summary)]
         return self.shown if self.chosen or len(rows) < FEWEST else rows
 
@@ -122,7 +123,7 @@ class RunTables:
 def turns_of(table: pd.DataFrame) -> float:
     """Return the turns of exciter 1 in a trajectory."""
     angles = table["phi1_rad"]
-    return abs(float(angles.iloc[-1] - angles.iloc[0])) / (2.0 * math.pi)
+    return abs(float(angles.iloc[-1] - angles.iloc[0])) / TURN
 
 
 def shown_turns(summary: Mapping[str, Any]) -> int:
@@ -195,9 +196,7 @@ def _with_more(part: pd.DataFrame, scene: Scene | None, senses: Sequence[float])
 
     Speeds (Hz) are positive in the direction in which an exciter turns on the whole.
     """
-    speeds = {
-        name: sense * part[rate] / (2.0 * math.pi) for name, rate, sense in zip(SPEEDS, RATES, senses, strict=True)
-    }
+    speeds = {name: sense * part[rate] / TURN for name, rate, sense in zip(SPEEDS, RATES, senses, strict=True)}
     part = part.assign(**speeds)
     return part if scene is None else with_forces(part, scene)
 
@@ -249,7 +248,7 @@ def spectrum_of(run: RunTables, column: str) -> tuple[FloatArray, FloatArray]:
     turns = math.floor(run.turns * (1.0 + 1e-9))
     count = round(turns / run.turns * float(np.ptp(rows["t_s"])) / step) if turns else len(grid)
     values = grid[column].tail(count).to_numpy(dtype=float)
-    weights = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
+    weights = 0.5 - 0.5 * np.cos(TURN * np.arange(len(values)) / len(values))
     sizes: FloatArray = np.abs(np.fft.rfft((values - values.mean()) * weights)) / (0.5 * weights.sum())
     return np.asarray(np.fft.rfftfreq(len(values), step), dtype=float), sizes
 

@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from vibroplat.columns import quantity_of, unit_of
 from vibroplat.config import digits
+from vibroplat.config.coordinates import TURN
 from vibroplat.plots.axes import in_decades
 from vibroplat.plots.strips import PALE
 from vibroplat.results.labels import halfway, in_ratios, key_label, key_name
@@ -156,7 +157,7 @@ def _stack(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> Non
 def _plane(cell: Cell, picture: Picture, _: str, shown: Sequence[Series]) -> None:
     """Draw complex numbers and the unit circle, and write how many lie outside of the frame."""
     axis, panel = cell[:2]
-    points, angle = picture.points, np.linspace(0.0, 2.0 * np.pi, 361)
+    points, angle = picture.points, np.linspace(0.0, TURN, 361)
     axis.plot(np.cos(angle), np.sin(angle), color=REFERENCE, lw=1.0)
     farthest = points[[panel.x, panel.column]].abs().max().max()
     frame = float(np.clip(np.nan_to_num(1.05 * farthest), NEAREST, FARTHEST))

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
 from vibroplat.results.picture import finite
@@ -63,7 +64,7 @@ def ends_of(parts: Iterable[pd.DataFrame]) -> Ends | None:
 
 def count_turns(rows: pd.DataFrame) -> Floats:
     """Return how often both exciters have turned since the first one of some rows: the slower one, then the faster."""
-    angles = rows[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float) / (2.0 * np.pi)
+    angles = rows[["phi1_rad", "phi2_rad"]].to_numpy(dtype=float) / TURN
     grown = np.maximum.accumulate(np.abs(angles - angles[:1]), axis=0)
     return np.asarray(np.sort(grown, axis=1))
 

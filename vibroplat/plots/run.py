@@ -12,6 +12,7 @@ import pandas as pd
 
 from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
+from vibroplat.config.coordinates import TURN
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import SPEEDS, RunTables, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
@@ -90,7 +91,7 @@ class RunPicture:
         """Return the last turns of a run."""
         if not self.aligned:
             return run.last
-        turns = run.last["phi1_rad"].abs() // (2.0 * np.pi)
+        turns = run.last["phi1_rad"].abs() // TURN
         begin = float(run.last["t_s"].iloc[int(turns.gt(turns.iloc[0]).argmax())])
         shortest = min(float(np.ptp(one.last["t_s"])) for one in self.runs)
         return run.last[run.last["t_s"].between(begin, begin + shortest)].assign(t_s=run.last["t_s"] - begin)
@@ -400,7 +401,7 @@ def _accelerations(shown: RunPicture) -> picture.Picture:
 def _spectra(shown: RunPicture) -> picture.Picture:
     """Show amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
     first, panels, turns = shown.runs[0], list[Panel](), int(shown.runs[0].turns * (1.0 + 1e-9))
-    speed = float(first.shown["phi1_rate_rad_per_s"].abs().median()) / (2.0 * np.pi)  # also where a start is shown
+    speed = float(first.shown["phi1_rate_rad_per_s"].abs().median()) / TURN  # also where a start is shown
     end = np.inf
     for column, lines in lines_of(shown.runs, shown.names).items():
         spectra = [spectrum_of(run, name) for run, name, _ in lines]

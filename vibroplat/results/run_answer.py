@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import describe_sync
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
 from vibroplat.observe.notes import slow_motors
@@ -46,7 +47,7 @@ def _motion(scene: Scene, summary: Mapping[str, Any]) -> str:
         return "nothing measured, the run is too short"
     pace, driven = quantity(frequency, "Hz"), scene.driven(summary["measured_from_s"], last)
     if summary.get("captured_by"):
-        wanted = max(scene.synchronous_speeds_at(scene.drive.at(last).frequency)) / (2.0 * math.pi)
+        wanted = max(scene.synchronous_speeds_at(scene.drive.at(last).frequency)) / TURN
         below = f"{percent(1.0 - frequency / wanted)} below the synchronous speed {quantity(wanted, 'Hz')}"
         return f"CAPTURED by the resonance in {summary['captured_by']}: {pace}, {below}"
     if not summary["measured_turns"] and driven != (False, True):
@@ -82,9 +83,9 @@ def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool,
     seconds, mean = summary["measured_to_s"] - summary["measured_from_s"], summary["excitation_frequency_hz"]
     if not any(driven):
         ripples = [summary.get(f"speed_ripple_{n}_hz") or 0.0 for n in (1, 2)]
-        swing = max(ripples) * 2.0 * math.pi > AT_REST * scene.speed_scale
+        swing = max(ripples) * TURN > AT_REST * scene.speed_scale
         return f"the exciters {'swing out' if swing else 'have come to rest'}, motors off"
-    if seconds * scene.speed_scale < ENOUGH * 2.0 * math.pi:
+    if seconds * scene.speed_scale < ENOUGH * TURN:
         return f"not a whole turn in the measured {quantity(seconds, 's')}: a longer run.duration_s helps"
     speeds = [mean + 0.5 * sign * summary["frequency_split_hz"] for sign in (1.0, -1.0)]
     turns = [speed * seconds >= 1.0 for speed in speeds]

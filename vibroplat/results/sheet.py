@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from vibroplat.columns import display_name, split, unit_of
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.config.scene import Scene
 from vibroplat.observe.data_sheet import columns
@@ -269,7 +270,7 @@ class Sheet:
         s = self.numbers
         sticks, forth, back = (self._text(f"{name}_fraction") for name in ("stick", "slip_plus", "slip_minus"))
         slips = percent((s["slip_plus_fraction"] or 0.0) + (s["slip_minus_fraction"] or 0.0))
-        swing = 2.0 * math.pi * (s["excitation_frequency_hz"] or 0.0) * max(s["rms_x_m"], s["rms_y_m"])
+        swing = TURN * (s["excitation_frequency_hz"] or 0.0) * max(s["rms_x_m"], s["rms_y_m"])
         largest = max(swing, abs(s["conveying_speed_m_per_s"] or 0.0))
         speed, error = (self._text(f"conveying_speed_{what}m_per_s", largest=largest) for what in ("", "error_"))
         rows = [Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED]

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COUNT, FLAG, NUMBER, TEXT, Column, Columns, indexed_name, unit_of
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, quantity
 from vibroplat.config.keys import key_of, keys, number_of
 from vibroplat.config.plans import FREQUENCY, ParameterRange, SweepPlan
@@ -204,7 +205,7 @@ def measures_text(row: Mapping[str, Any], largest: float) -> str:
     heights = [quantity(row.get(name), "m", largest=largest) for name in ("rms_y_m", "rms_x_m")]
     pace, power = quantity(row.get("excitation_frequency_hz"), "Hz"), quantity(row.get("motor_power_w"), "W")
     speed = row.get("conveying_speed_m_per_s")
-    shaken = 2.0 * math.pi * (row.get("excitation_frequency_hz") or 0.0) * largest
+    shaken = TURN * (row.get("excitation_frequency_hz") or 0.0) * largest
     moves = "" if speed is None else f", along the deck {quantity(speed, 'm/s', largest=shaken)}"
     return f"{pace}, RMS y {heights[0]}, x {heights[1]}, power {power}{moves}"
 

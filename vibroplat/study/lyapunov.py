@@ -22,6 +22,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.arguments import validated
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.hybrid.modes import ATTACHED, IMPACT
@@ -61,7 +62,6 @@ N_FOLLOWED = 3
 #: Directions that a motion forgets where contact begins, and in an inelastic impact after which it does not.
 CONTACT_DIRECTIONS, INELASTIC_DIRECTIONS = 2, 1
 
-_TURN = 2.0 * math.pi
 _ANGLE = 3  # of exciter 1, the same for all points of the section
 
 
@@ -266,7 +266,7 @@ def exponents(
 
 def _max_time(motion: Simulator, turns: int) -> float:
     """Time by which exciter 1 completes so many turns, if it turns at all (s)."""
-    return (2 * turns + 2) * _TURN / motion.scene.speed_scale
+    return (2 * turns + 2) * TURN / motion.scene.speed_scale
 
 
 def _on_section(directions: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns, split
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
@@ -251,7 +252,7 @@ def _measure_by_simulation(
         row |= {"outcome": INACCURATE, "detail": doubt, "energy_residual": values["energy_residual"]}
     elif kind is not None:
         end = motion.state.copy()
-        end[3:5] %= 2.0 * math.pi
+        end[3:5] %= TURN
         final = end.tolist()
         blocks = () if kind.drifts else part.blocks
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}

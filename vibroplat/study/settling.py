@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.model.parameters import FloatArray
@@ -161,7 +162,7 @@ def settle(motion: Simulator, plan: SweepPlan, limit: float, detector: OrbitDete
     ``limit`` limits the settling (s). It is counted from the beginning of the motion, so that one that
     turns out not to have settled can settle for the remaining time.
     """
-    turn = 2.0 * math.pi / motion.scene.speed_scale
+    turn = TURN / motion.scene.speed_scale
     points, times = np.empty((0, motion.state.size)), np.empty(0)
     phases: list[float] = []  # differences
     close = 0

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import FindPlan
@@ -210,7 +211,7 @@ def start_time(scene: Scene, seconds: float) -> Record:
 
     Half of the run is needed to see whether they do.
     """
-    turns = 2.0 * math.pi * STAYING_TURNS / scene.speed_scale
+    turns = TURN * STAYING_TURNS / scene.speed_scale
     last = 0.0 if scene.drive.program is None else scene.drive.program[-1].t_s
     found = simulate(scene.replace({"run.duration_s": 2.0 * (last + seconds + 2.0 * turns)}), keep="summary").summary
     return {"seconds": None if slow_motors(scene, found) else found["synchronized_at_s"]}
@@ -227,5 +228,5 @@ def _follow_program(scene: Scene, start: FloatArray) -> list[float] | SweepPoint
         if motion.outcome != "ok":
             return SweepPoint(**failed_record(motion.detail, motion.outcome))
         state = motion.state.copy()
-    state[3:5] %= 2.0 * math.pi
+    state[3:5] %= TURN
     return [float(value) for value in state]
