@@ -280,7 +280,7 @@ def test_assigned_starts_stay_on_their_orbit(frequency, ratio, restitution):
     assert assigned > starts // 2
 
 
-def test_restarts_of_other_motions_make_no_event_storm():
+def test_restarts_of_other_motions_do_not_count():
     """Times of restarts go with a motion from lane to lane: those of another one told of storms in 6 of 8 starts."""
     keys = {"drive.supply_frequency_hz": 57.5, "contact.restitution": 0.3, "solver.max_events_per_period": 300}
     scene = scene_of({PHASE: [-3.1, 3.1], SPEED: [0.5, 1.0]}, 0.2, random=8, max_turns=800).replace(keys)

@@ -9,6 +9,7 @@ from common.known import motion_of
 from vibroplat import simulate
 from vibroplat.hybrid.loop import EVENT_ROWS
 from vibroplat.hybrid.modes import KINDS
+from vibroplat.integrate.group import UNREAD_SEGMENTS
 from vibroplat.model.energy import FORCE_SIZE
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.section import section_rows
@@ -155,6 +156,14 @@ def test_a_motion_that_nobody_reads_is_the_same(quickstart, changes):
             assert motion.events > EVENT_ROWS
             found.append((motion.state.tolist(), motion.events, motion.engine.work, motion.restarts))
     assert found[0] == found[1]
+
+
+def test_a_long_motion_that_nobody_reads_can_be_interrupted(quickstart, monkeypatch):
+    scene, calls = quickstart.replace({"solver.engine": "taylor", "material.mass_ratio": 0.0}), []
+    with motion_of(scene) as motion:
+        monkeypatch.setattr(motion, "go_on", lambda go_on=motion.go_on: (go_on(), calls.append(motion.now)))
+        motion.to_time(3.5 * UNREAD_SEGMENTS * 10 * TURN / scene.speed_scale)
+    assert len(calls) == 4
 
 
 def test_a_motion_that_begins_again_is_a_new_one(quickstart):

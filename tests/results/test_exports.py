@@ -8,7 +8,7 @@ from scipy.io import loadmat
 from vibroplat import load
 from vibroplat.errors import TableError
 from vibroplat.results import exports
-from vibroplat.results.files import export_result, write_result
+from vibroplat.results.files import SCHEMA, export_result, write_result
 from vibroplat.results.tables import read_table
 
 COUNT = pd.array([3, None], "Int64")
@@ -20,7 +20,8 @@ def written(tmp_path):
     """Write the table and a document in a format; return the directory."""
 
     def write(form, table=TABLE):
-        write_result(tmp_path, "sweep", {"schema": 2}, {"sweep": table}, {"told": {"a_m": 0.5, "b": None}}, form=form)
+        proof, documents = {"schema": SCHEMA}, {"told": {"a_m": 0.5, "b": None}}
+        write_result(tmp_path, "sweep", proof, {"sweep": table}, documents, form=form)
         pd.testing.assert_frame_equal(read_table(tmp_path, "sweep"), table)
         return tmp_path
 

@@ -12,7 +12,7 @@ from vibroplat import load, load_config
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.results import renamed
-from vibroplat.results.files import SCHEMA
+from vibroplat.results.files import SCHEMA, hash_of
 from vibroplat.results.result import Answer
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
@@ -99,6 +99,28 @@ def test_a_design_of_schema_1_is_drawn(kernels, tmp_path):
     assert ends.to_dict("list") == {"outcome": ["ok", "too-many-events"], "relative_rotation": ["a", "b"]}
     keys = renamed.rename_keys_of(pd.DataFrame({"key": ["run.initial.phase_sum_rad", "material.mass_ratio"]}))
     assert keys["key"].tolist() == ["run.initial.phase_difference_rad", "material.mass_ratio"]
+
+
+def test_results_of_schema_2_have_present_names(kernels, tmp_path):
+    plan = PLANS["design"] | {"parameter_tolerances": {"machine.platform_mass_kg": 0.05}, "samples": 8}
+    del plan["minimize"], plan["starts"], plan["keys"]
+    design = vibroplat.design(load_config(CALIBRATED, BARE | {"design": plan}))
+    few = {"solver.max_events_per_period": 3, "material.mass_ratio": 0.2, SUPPLY: 52.0, "contact.restitution": 0.5}
+    basins = vibroplat.basins(load_config(CALIBRATED, BARE | few | {"basins": PLANS["basins"]}))
+    assert set(basins.attractors["attractor"]) == {"too-many-events"}
+    for fresh in (design, basins):
+        directory = fresh.save(tmp_path / fresh.command)
+        proof = former(directory, {"relative_rotation": "rotation"}, schema=2)
+        for path in directory.glob("*.parquet"):
+            pd.read_parquet(path).replace("too-many-events", "event-storm").to_parquet(path)
+        proof["configuration"]["sweep"] = {"supply_frequency_hz": {"start": 45.0, "stop": 46.0}, "max_points": 9}
+        digest = proof["configuration_sha256"] = hash_of(proof["configuration"])
+        (directory / "provenance.json").write_text(json.dumps(proof))
+        again = load(directory)
+        assert {*again.tables} == {*fresh.tables}
+        for name in again.tables:
+            pd.testing.assert_frame_equal(again.table(name), fresh.table(name), check_dtype=False)
+        assert again.provenance["configuration_sha256"] == hash_of(again.provenance["configuration"]) != digest
 
 
 @pytest.mark.parametrize("answer", [{"lines": 3}, {"text": [1], "notes": 3}, [], None])

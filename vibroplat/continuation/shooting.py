@@ -57,7 +57,6 @@ MIN_SECTION_MARGIN, MIN_CONTACT_FRACTION = 0.15, 0.06
 #: motions of the calibrated machine from 56 to 62 Hz that do not repeat, 36 give an orbit of period 1; 24 in 400 turns.
 RETURN_TURNS, MAX_RETURNS = 1600, 16
 
-
 T = TypeVar("T")
 
 

@@ -22,7 +22,7 @@ from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
-from vibroplat.integrate.group import Group, keeps
+from vibroplat.integrate.group import Group, is_due, keeps
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, put_polynomials
 from vibroplat.kernels.compiled import borrow, call_int, compiled, fused, fused_inline, inlined
 from vibroplat.kernels.vectors import (
@@ -113,7 +113,7 @@ def begin(h: Automaton, g: Group, lane: int) -> bool:
         rewind(h.steps)
     if not g.keep:
         h.run.events = 0
-    elif h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size:
+    elif h.steps.used.steps + 1 + MARGIN > h.steps.start.size or h.run.events + 2 > h.events.size or is_due(h.run):
         return False
     if not loop.begin_segment(h):
         return False

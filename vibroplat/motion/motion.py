@@ -267,7 +267,6 @@ class Simulator:
                 _rewind(h.steps)  # should memory run out before the engine does so
                 self.go_on()
                 self._tell(observers)
-        self._field["unread"][0] = False
 
     def go_on(self) -> None:
         """Let the engine carry the motion on until its steps are to be read."""

@@ -42,7 +42,6 @@ RESONANCE_WIDTH = 0.1
 #: foundation, strokes, torques and powers, which are largest while a machine starts or stops.
 TIMED = ("foundation_", "stroke_", "motor_")
 
-
 #: Sums of coordinates, and of their squares.
 _SQUARES = {"x": "xx", "y": "yy", "phi": "phi_phi"}
 

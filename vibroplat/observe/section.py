@@ -110,8 +110,8 @@ def offset_of(state: FloatArray, centre: FloatArray, place: int) -> float:
 
 
 @inlined
-def distance(one: FloatArray, other: FloatArray) -> float:
-    """Largest distance of two points in any coordinate; inf if one is not a number."""
+def largest_difference(one: FloatArray, other: FloatArray) -> float:
+    """Largest difference of two points in any coordinate; inf if one is not a number."""
     largest = 0.0
     for place in range(one.size):
         away = abs(one[place] - other[place])
@@ -131,7 +131,7 @@ def spread(points: FloatArray, turns: int, enough: float) -> float:
     if points.shape[0] < 2 * turns:
         return math.inf
     for back in range(turns, points.shape[0]):
-        largest = max(largest, distance(points[last - back], points[last - back % turns]))
+        largest = max(largest, largest_difference(points[last - back], points[last - back % turns]))
         if largest > enough:
             break
     return largest
@@ -142,8 +142,8 @@ def is_apart(point: FloatArray, others: FloatArray, least: float) -> bool:
     """Whether a point is farther than the least distance from each of the others, shape (turns, 14)."""
     nearest = math.inf
     for i in range(others.shape[0]):
-        nearest = min(nearest, distance(point, others[i]))
-    return nearest > least
+        nearest = min(nearest, largest_difference(point, others[i]))
+    return least < nearest < math.inf
 
 
 @compiled
@@ -152,7 +152,7 @@ def distances(points: FloatArray, turns: int) -> FloatArray:
     apart = np.full((turns + 1, points.shape[0]), np.inf)
     for later in range(1, turns + 1):
         for place in range(points.shape[0] - later):
-            apart[later, place] = distance(points[place], points[place + later])
+            apart[later, place] = largest_difference(points[place], points[place + later])
     return apart
 
 

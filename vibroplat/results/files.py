@@ -13,6 +13,7 @@ A directory holds the result of one command. Writing the result of another comma
 from __future__ import annotations
 
 import hashlib
+import json
 import uuid
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
@@ -192,13 +193,12 @@ class SavedFiles:
         """Return the names of the files that have one of these endings."""
         files = [path.name for path in self.directory.iterdir()] if self._digests is None else self._digests
         stems = [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
-        present = {old: new for new, old in renamed.TABLES.items()} if self._is_former else {}
+        present = {old: new for new, old in self._former_tables.items()}
         return [present.get(name, name) for name in stems]
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
-        name = renamed.TABLES.get(name, name) if self._is_former else name
-        return self._present(read_table(self.directory, name, self._digests))
+        return self._present(read_table(self.directory, self._former_tables.get(name, name), self._digests))
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
@@ -210,6 +210,11 @@ class SavedFiles:
     def _present(self, table: pd.DataFrame) -> pd.DataFrame:
         """Return a table with present names."""
         return rename_keys_of(rename_table(table, self.command) if self._is_former else table)
+
+    @property
+    def _former_tables(self) -> Mapping[str, str]:
+        """Present names of tables, and those that they have here."""
+        return renamed.TABLES if self.provenance["schema"] == 1 else {}
 
     @property
     def _is_former(self) -> bool:
@@ -254,8 +259,16 @@ def read_provenance(directory: Path) -> dict[str, Any]:
     if type(schema) is not int or not 1 <= schema <= SCHEMA:
         raise TableError(f"{directory} holds results of schema {schema}; this version reads schemas 1 to {SCHEMA}")
     if isinstance(origin.get("configuration"), dict):
+        before = hash_of(origin["configuration"])
         rename_keys(origin["configuration"])
+        if origin.get("configuration_sha256") == before:
+            origin["configuration_sha256"] = hash_of(origin["configuration"])
     return dict(origin)
+
+
+def hash_of(tree: Mapping[str, Any]) -> str:
+    """SHA-256 of nested values, independent of the order of their keys."""
+    return hashlib.sha256(json.dumps(tree, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
 def _files_to_replace(directory: Path, command: str) -> set[str]:

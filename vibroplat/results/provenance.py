@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import platform
 import subprocess
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ from typing import Any
 
 import vibroplat
 from vibroplat.config.scene import Scene
-from vibroplat.results.files import SCHEMA
+from vibroplat.results.files import SCHEMA, hash_of
 
 #: Entries of provenance on which the numbers of a result depend.
 _SAME = ("vibroplat", "source_files", "configuration_sha256", "python", "platform", "libraries", "begins_from")
@@ -49,8 +48,7 @@ def is_current(saved: Mapping[str, Any], scene: Scene, origin: dict[str, Any] | 
 
 def configuration_hash(scene: Scene) -> str:
     """SHA-256 of the resolved configuration, independent of how it was written."""
-    text = json.dumps(scene.to_tree(), sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hash_of(scene.to_tree())
 
 
 def _sources() -> str:

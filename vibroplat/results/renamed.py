@@ -1,4 +1,7 @@
-"""Results of former versions under the present names of columns, values, tables and keys."""
+"""Results of former versions under the present names of columns, values, tables and keys.
+
+What was printed stays as it was.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +33,8 @@ COLUMNS = {
 _OUTCOMES = {"event-storm": "too-many-events", "beyond-model": "outside-model-validity"}
 #: Values of columns, and what they are now.
 _VALUES = {
-    "outcome": _OUTCOMES,
-    "name": _OUTCOMES,
+    **dict.fromkeys(("outcome", "name", "attractor"), _OUTCOMES),
+    "regime": {f"none, {old}": f"none, {new}" for old, new in _OUTCOMES.items()},
     "kind": {
         "latch": "chatter",
         "level crossing": "level-crossing",
