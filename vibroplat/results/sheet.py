@@ -274,9 +274,8 @@ class Sheet:
         largest = max(swing, abs(s["conveying_speed_m_per_s"] or 0.0))
         speed, error = (self._text(f"conveying_speed_{what}m_per_s", largest=largest) for what in ("", "error_"))
         rows = [Row(name, self._text(f"{name.replace(' ', '_')}_{unit}")) for name, unit in _CONVEYED]
-        transport = self.scene.transport
-        assert transport is not None
-        runs_away = transport.runs_away and not s.get("period")
+        assert self.scene.transport is not None
+        runs_away = self.scene.transport.runs_away and not s.get("period")
         rows = rows[2:] if runs_away or speed == "0" else rows
         carried = rows[0].now if rows[0].label == "throughput" else "in this time, it runs away" * runs_away
         modes, sheared = f"sticks {sticks}, slips {slips} of the time", self._text("sheared_fraction")
