@@ -1,4 +1,4 @@
-"""The numbers of modes, coordinates and points: constants that are compiled into kernels.
+"""A turn, and the numbers of modes, coordinates and points: constants that are compiled into kernels.
 
 They stand apart from all else that a scene is, so that no change of a key compiles the kernels anew.
 """

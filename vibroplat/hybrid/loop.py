@@ -62,7 +62,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.parameters import PARAMETERS
 from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, SLIDES, systems
 
-#: Events between two readings of their list: an engine returns when its steps are full, mostly well before that.
+#: Events between two readings of their list. Where steps are read, an engine returns well before that: they are full.
 EVENT_ROWS = 2048
 
 

@@ -167,7 +167,7 @@ RUN = np.dtype(
         ("fallen", np.int64),  # which of its guards has fallen, 0 or 1
         ("accumulating", np.int64),  # whether chatter is to be summed up before the next segment
         ("events", np.int64),  # rows in the event list
-        ("unread", np.int64),  # 0 where steps are read; others may be left out: 1, and segments since the last return
+        ("unread", np.int64),  # 0: somebody reads the steps; else they may be left out, and segments are counted from 1
         ("restarts", np.int64),
         ("state", np.float64, FULL_SIZE),  # full state
         ("along", np.float64, 2),  # place of the material along the deck, and its rate

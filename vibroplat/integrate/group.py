@@ -50,7 +50,7 @@ _QUADS = {f"{name}4": (name, (2, 4)) for name in _WIDE}
 MOVING_LANES = LANES | MOVING | dict.fromkeys(_WIDE, (12, 1))
 _MOVING_QUADS = {f"{name}4": (name, (3, 4)) for name in _WIDE}
 
-#: Segments of a motion that nobody reads after which its loop returns to Python: some 0.03 s.
+#: Segments of a motion that nobody reads after which the loop returns to Python; they take some 0.03 s.
 UNREAD_SEGMENTS = 1000
 
 
@@ -119,7 +119,7 @@ def keeps(h: Automaton, g: Group) -> bool:
 
 @inlined
 def is_due(run: Any) -> bool:
-    """Whether a motion that nobody reads has gone so far that Python must see whether somebody interrupts it."""
+    """Count a segment of a motion that nobody reads; whether the loop must return, so that Python sees interrupts."""
     if run.unread > 0:
         run.unread = run.unread % UNREAD_SEGMENTS + 1
     return run.unread == 1

@@ -139,7 +139,7 @@ def spread(points: FloatArray, turns: int, enough: float) -> float:
 
 @compiled
 def is_apart(point: FloatArray, others: FloatArray, least: float) -> bool:
-    """Whether a point is farther than the least distance from each of the others, shape (turns, 14)."""
+    """Whether a point is farther than a distance from each of the others, shape (turns, 14), and all are numbers."""
     nearest = math.inf
     for i in range(others.shape[0]):
         nearest = min(nearest, largest_difference(point, others[i]))

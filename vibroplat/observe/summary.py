@@ -293,7 +293,7 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known:
     require(part.measures, WITH_EXTREMES)
     extremes, shown = known or known_of(part.measures)
     if brief:
-        return _finite(dict(shown))
+        return _finite(shown)
     marks, whole = part.measures.marks, merge_extremes(part.measures.extremes)
     turned = part.measures.whole[TIME] > 0.0
     events = (marks["last"] - marks["first"])[3:] if turned else marks["measured"]
@@ -321,9 +321,9 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known:
     return _finite(numbers)
 
 
-def _finite(numbers: dict[str, Any]) -> dict[str, Any]:
-    if math.isfinite(sum(filter(None, numbers.values()))):  # then all are, which takes a tenth of looking at each
-        return numbers
+def _finite(numbers: Mapping[str, Any]) -> dict[str, Any]:
+    if math.isfinite(sum(filter(None, numbers.values()))):  # so are all numbers; to look at each takes far longer
+        return {**numbers}
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in numbers.items()}
 
 

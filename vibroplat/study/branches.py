@@ -105,7 +105,7 @@ class SweepBranch:
 
 
 def scene_at(first: Scene, key: str, value: float) -> Scene:
-    """Return the scene of a point of a branch. No check of a positive supply frequency is repeated."""
+    """Return the scene of a point of a branch; the supply frequencies of a plan need no second check."""
     return with_value(first, key.split("."), value) if key == FREQUENCY else first.replace({key: value})
 
 
