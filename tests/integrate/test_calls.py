@@ -3,9 +3,18 @@
 from typing import Any, NamedTuple, cast
 
 import numpy as np
+import pytest
 from numba import types
 
-from vibroplat.kernels.compiled import compiled, same_types
+from vibroplat.kernels.compiled import (
+    NOWHERE,
+    OTHER_TYPES,
+    Address,
+    address_of,
+    call_kernel,
+    compiled,
+    quick_call,
+)
 from vibroplat.kernels.target import TARGET
 
 KIND = np.dtype([("number", float), ("others", float, 3), ("count", np.int64)], align=True)
@@ -36,12 +45,38 @@ def test_records_are_read_and_changed_in_place() -> None:
     assert many["count"].tolist() == [1, 0, 1, 1]
 
 
-def test_a_caller_with_arguments_of_its_own_type_gets_the_kernel_for_it() -> None:
-    first = same_types(third)
+@compiled
+def raise_first(numbers: Any) -> None:
+    """Change an array."""
+    numbers[0] += 1
+
+
+@compiled
+def call_there(place: Address, numbers: Any) -> None:
+    """Call what is there."""
+    call_kernel(place, (numbers,))
+
+
+def test_a_caller_gets_the_kernel_for_the_types_of_each_call() -> None:
+    first = quick_call(third)
     assert [first(np.array([x])) for x in (3.0, 6.0)] == [1.0, 2.0]
-    other = same_types(third)  # there are two by then, and none is taken for the other
-    assert [other(np.array([x + 3j])) for x in (3.0, 6.0)] == [1.0 + 1j, 2.0 + 1j]
-    assert first(np.array([9.0])) == 3.0
+    assert [first(np.array([x])) for x in (3.0 + 3j, 6.0, 9)] == [1.0 + 1j, 2.0, 3.0]
+    assert first(np.array([[3.0, 6.0]])[:, ::2][0]) == first((3.0,)) == 1.0  # another layout; no array
+
+
+def test_an_address_is_that_of_the_kernel_for_these_types_whatever_was_compiled_before() -> None:
+    for numbers in (np.array([1.0]), np.array([1j]), np.array([1])):
+        raise_first(numbers)
+        call_there(address_of(raise_first, numbers), numbers)
+        assert numbers[0] in (3.0, 2.0 + 1j)
+
+
+def test_a_call_by_address_with_other_types_raises_and_calls_nothing() -> None:
+    numbers = np.array([1j])
+    for place in (address_of(raise_first, np.array([1.0])), NOWHERE):
+        with pytest.raises(TypeError, match=OTHER_TYPES):
+            call_there(place, numbers)
+    assert numbers[0] == 1j
 
 
 def test_what_kernels_call_has_no_machine_code_when_it_is_loaded() -> None:

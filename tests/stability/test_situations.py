@@ -14,6 +14,7 @@ from stability.checks import row, sound, with_engine
 from stability.endurance import endurance
 from stability.grazing import grazing
 from stability.layers import layers
+from stability.orders import changed, tour
 from stability.transport import judged_moving, transport
 from stability.units import units
 from vibroplat import simulate
@@ -55,6 +56,13 @@ def test_scenes_of_a_situation_pass(name, size, engine, capsys):
 def test_few_scenes_of_a_situation_pass(name):
     run, few, *_ = SITUATIONS[name]
     assert [found for found in run(few, ENGINES[len(name) % 2]) if found["failed"]] == []
+
+
+@pytest.mark.parametrize(
+    "calls", [pytest.param(250, marks=pytest.mark.long), pytest.param(20_000, marks=pytest.mark.campaign)]
+)
+def test_what_a_process_has_computed_before_changes_no_bit(calls):
+    assert list(changed(tour(calls), {})) == []
 
 
 #: Scenes of the campaign that were not sound once.

@@ -28,7 +28,7 @@ from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit_detection import MAX_PERIOD_TURNS, NewtonOrbitDetector
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate import group_for, make_engine
-from vibroplat.kernels.compiled import FloatArray, same_types
+from vibroplat.kernels.compiled import FloatArray, quick_call
 from vibroplat.kernels.target import lanes
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
@@ -106,7 +106,7 @@ class AttractorMapper:
         self._engine = make_engine(scene, p)
         self._motion = Simulator(scene, p, self._engine)
         self._group = group_for(self._engine, scene, p, lanes())
-        self._follow, self._decide = same_types(follow), same_types(decide)
+        self._follow, self._decide = quick_call(follow), quick_call(decide)
         self._search, self._settled = FIRST_SEARCH_TURNS, 0  # turns until a search, and those that one takes itself
         if len(history) >= MIN_HISTORY and scene.transport is None:
             after = min(int(SEARCH_TURNS_RATIO * np.median(history)), max_turns // 2)

@@ -168,7 +168,7 @@ class AttractionEllipsoid:
         """
         turns, noise = periods * self.turns, NOISE_TOLERANCE_RATIO * shooter.scene.solver.tolerance
         longest, orbit = 2.0 * (turns + 1) * self._turn, (self.state, self.system, self.norm)
-        return shooter.call(shooter.kernels.contracts, *orbit, starts, looks, turns, longest, bound, noise)
+        return shooter.call(shooter.contracts, *orbit, starts, looks, turns, longest, bound, noise)
 
 
 def expected_decay(rate: float, periods: int) -> float:

@@ -317,7 +317,7 @@ def correct(
         shooter.answers[SOLVE] = partial(_solve_in_place, search)
         how = jacobian is not None, halvings, problem.tolerance if tolerance is None else tolerance
         try:
-            why, reason = shooter.call(shooter.kernels.newton, chart, search, *how), ""
+            why, reason = shooter.call(shooter.newton, chart, search, *how), ""
         except NoConvergenceError as error:
             why, reason = RAISED, error.why
         except ValueError as error:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -22,7 +22,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.kernels.compiled import FloatArray, PythonFunction, address_of, compile_for, same_types
+from vibroplat.kernels.compiled import FloatArray, PythonFunction, address_of, quick_call
 from vibroplat.model.parameters import parameters
 from vibroplat.model.sensitivity import NO_COURSE, course_of, flat, with_values
 from vibroplat.model.systems import SYSTEMS
@@ -34,7 +34,6 @@ from vibroplat.observe.shots import (
     PART,
     SET,
     SET_DIRECTIONS,
-    ShotRecords,
     contracts,
     packed,
     set_parameters,
@@ -196,28 +195,6 @@ def _view_measured(record: npt.NDArray[np.void], like: Accumulators, energies: l
     return MeasuredInterval(unpacked(record, like), before, after)
 
 
-class _Kernels:
-    """Compiled functions that take shots with one type of engine: the types of their arguments depend on it alone."""
-
-    def __init__(self) -> None:
-        self.shoot, self.newton, self.contracts = same_types(shoot), same_types(newton), same_types(contracts)
-        self.set_parameters = same_types(set_parameters)
-        self.address = 0  # of the first, for compiled callers
-
-    def with_address(self, records: ShotRecords) -> ShotRecords:
-        """Give records of shots the address."""
-        if not self.address:
-            arguments = (records, records.end, 0.0, True, True, True)
-            compile_for(shoot, *arguments)  # there may be one for another engine
-            self.address = address_of(shoot, *arguments)
-        return records._replace(shoot=self.address)
-
-
-@cache
-def _kernels(engine: type) -> _Kernels:
-    return _Kernels()
-
-
 #: Shooters that have been given back, and how many of them are kept: combinations of a grid take turns.
 _IDLE: list[Shooter] = []
 MAX_IDLE = 4
@@ -245,8 +222,10 @@ class Shooter:
     ----------
     p
         Parameters at present.
-    records, kernels
-        What compiled shots read and change, and the functions that take them.
+    records
+        What compiled shots read and change.
+    newton, contracts
+        Compiled functions that take shots, for :meth:`call`.
     answers
         What is done for each wish of compiled code.
     """
@@ -271,7 +250,8 @@ class Shooter:
         self._statistics.measures = unpacked(self._measured, self._statistics.measures)
         answers = self.answers
         self._python = PythonFunction(lambda wish: answers[wish]())
-        self.kernels = _kernels(type(self.engine))
+        self.newton, self.contracts = quick_call(newton), quick_call(contracts)
+        self._shoot, self._set_parameters = quick_call(shoot), quick_call(set_parameters)
         records = shot_records(
             self.motion.automaton,
             self.motion.beginning,
@@ -283,7 +263,8 @@ class Shooter:
             NO_COURSE if course is None or len(self.keys) != 1 else course_of(scene, self.keys[0], *course),
             self.motion.held_parameters,
         )
-        self.records = self.kernels.with_address(records)
+        place = address_of(shoot, records, records.end, 0.0, True, True, True)
+        self.records = records._replace(shoot=place)
 
     @classmethod
     def borrow(cls, scene: Scene, keys: Sequence[str] = (), course: tuple[float, float] | None = None) -> Shooter:
@@ -327,7 +308,7 @@ class Shooter:
 
     def set(self, values: Sequence[float]) -> None:
         """Change the values of the keys for the shots to come."""
-        if not self.keys or self.kernels.set_parameters(self.records, values[0]):
+        if not self.keys or self._set_parameters(self.records, values[0]):
             return
         wanted = dict(zip(self.keys, values, strict=True))
         if wanted != self.held:
@@ -354,7 +335,7 @@ class Shooter:
 
     def vary(self) -> None:
         """Let the next full shot be differentiated by the keys at the present parameters."""
-        if self.keys and not self.kernels.set_parameters(self.records, self.records.held[0]):
+        if self.keys and not self._set_parameters(self.records, self.records.held[0]):
             self._variation.turn([self.direction(key) for key in self.keys])
 
     def returns(self, turns: int) -> Iterator[FloatArray]:
@@ -383,7 +364,7 @@ class Shooter:
         if full:
             self.vary()
         while True:
-            self.call(self.kernels.shoot, start, duration, full, measured, events)
+            self.call(self._shoot, start, duration, full, measured, events)
             if self.has_room():
                 return self.last_shot(duration, full=full, measured=measured)
 

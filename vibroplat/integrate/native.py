@@ -23,7 +23,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.kernels.compiled import Callee, FloatArray, address_of, same_types
+from vibroplat.kernels.compiled import Callee, FloatArray, address_of, quick_call
 from vibroplat.model.parameters import Parameters, parameters, record_address
 from vibroplat.model.systems import System, systems
 
@@ -85,7 +85,7 @@ class NativeEngine:
         self._finalizer = weakref.finalize(self, _free_all, self._free)
         self._alive: list[Any] = []  # what the library holds addresses of
         self._p = p  # not a copy: a drive's program changes it in place
-        self._run_loop = same_types(ida.run_loop)
+        self._run_loop = quick_call(ida.run_loop)
         self._n = ida.empty_records()
         for name, function in ida.NAMES.items():
             self._n.functions[name] = library.address(function)

@@ -13,7 +13,7 @@ from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.interface import IntegrationError, Integrator
-from vibroplat.kernels.compiled import Callee, FloatArray, compiled
+from vibroplat.kernels.compiled import NOWHERE, Callee, FloatArray, compiled
 from vibroplat.kernels.engines import ENGINES
 from vibroplat.kernels.polynomial import Fit, crossing, first_downcrossing, fit, fit_column, stretch, values
 from vibroplat.model.accelerations import accelerations
@@ -53,7 +53,7 @@ class Stepwise:
 
     def compiled_loop(self, h: Automaton) -> Callee:
         """Return none: its loop is Python's."""
-        return Callee(0)
+        return Callee(NOWHERE)
 
     def close(self) -> None:
         """Do nothing: Python frees what an integrator holds."""

@@ -24,7 +24,7 @@ from vibroplat.hybrid.resets import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
-from vibroplat.kernels.compiled import Callee, FloatArray
+from vibroplat.kernels.compiled import NOWHERE, Callee, FloatArray
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.sliding import jacobian as fill_jacobian
 from vibroplat.model.sliding import residual as fill_residual
@@ -111,7 +111,7 @@ class SundaeEngine:
 
     def compiled_loop(self, h: Automaton) -> Callee:
         """Return none: its loop is Python's."""
-        return Callee(0)
+        return Callee(NOWHERE)
 
     def close(self) -> None:
         """Free the solver objects."""

@@ -17,7 +17,7 @@ from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.group import Group, group_of
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.lockstep import run_lanes
-from vibroplat.kernels.compiled import Callee, address_of, call_kernel, compiled, same_types
+from vibroplat.kernels.compiled import Address, Callee, address_of, call_kernel, compiled, quick_call
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.model.parameters import Parameters
 
@@ -50,6 +50,7 @@ class TaylorEngine:
         self.max_steps = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
         self._p = p  # not a copy: a drive's program changes it in place
         self._h: Automaton | None = None
+        self._carry = quick_call(carry)
         self._groups: list[Group] = []  # of several motions, the last of one
 
     def side_by_side(self, automata: Sequence[Automaton]) -> Group:
@@ -76,13 +77,13 @@ class TaylorEngine:
     def advance(self, h: Automaton) -> None:
         """Go on with a run; see :class:`vibroplat.integrate.interface.Engine`."""
         group = self._group_of(h)
-        _carry[group.moving](group)
+        self._carry(group)
 
     def compiled_loop(self, h: Automaton) -> Callee:
         """Return what :meth:`advance` calls."""
         group = self._group_of(h)
-        address = address_of(carry, group)
-        return Callee(address_of(run_loop, h, address, group), (address, group))
+        place = address_of(carry, group)
+        return Callee(address_of(run_loop, h, place, group), (place, group))
 
     def _group_of(self, h: Automaton) -> Group:
         if self._h is not h:
@@ -117,11 +118,7 @@ def carry(owned_g: Group) -> None:
     run_lanes(owned_g)
 
 
-#: Groups have one of two types, without transport and with it.
-_carry = {moving: same_types(carry) for moving in (None, True)}
-
-
 @compiled
-def run_loop(h: Automaton, address: int, g: Group) -> None:
-    """Call :func:`carry` by its address, for callers who know engines by their automaton."""
-    call_kernel(address, (g,))
+def run_loop(h: Automaton, place: Address, g: Group) -> None:
+    """Call :func:`carry` where it is, for callers who know engines by their automaton."""
+    call_kernel(place, (g,))

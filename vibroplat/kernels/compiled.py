@@ -12,7 +12,8 @@ and functions of Python where nothing compiled will do.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache, cached_property
 from types import FunctionType
@@ -127,6 +128,7 @@ class Kernel(_Dispatcher):
         self._options = OPTIONS | {"fastmath": {"contract"} if fused else False}
         super().__init__(function, targetoptions=self._options)
         self._inline = inline
+        self.overload_of: dict[Any, Any] = {}  # by the kinds of arguments, for calls from Python and by address
         self.enable_caching()
 
     @cached_property
@@ -196,55 +198,87 @@ def fused_inline(function: Callable[P, T]) -> Callable[P, T]:
     return cast("Callable[P, T]", Kernel(function, inline=True, fused=True))
 
 
-def _overload(dispatcher: Any, arguments: tuple[Any, ...]) -> Any:
-    """Return what a kernel has been compiled to, for arguments of the types of these if it is not one alone."""
-    # the values of numba's ordered dictionary as its own method gives them take a hash of all types each
-    known = list(dict.values(dispatcher.overloads))
-    if len(known) == 1:
-        return known[0]
-    kinds = tuple(numba.typeof(argument) for argument in arguments)  # takes some 0.1 ms
-    dispatcher.compile(kinds)
-    return dispatcher.overloads[kinds]
+def _kind(argument: Any) -> Any:
+    """Return what numba's type of an argument depends on, which takes a tenth of the time of the type itself."""
+    if isinstance(argument, tuple):
+        return (type(argument), *map(_kind, argument))
+    if isinstance(argument, np.ndarray):
+        return (type(argument), argument.dtype, argument.ndim, argument.flags.num)
+    if isinstance(argument, np.void):
+        return (type(argument), argument.dtype)
+    return type(argument)
 
 
-def same_types(kernel: Callable[P, T]) -> Callable[P, T]:
-    """Return a kernel for one caller, whose arguments always have the same types: they are checked at the first call.
+def _overload(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+    """Return what a kernel is compiled to for arguments of exactly these types; compile it if it is not yet."""
+    key = tuple(map(_kind, arguments))
+    found = kernel.overload_of.get(key)
+    if found is None:
+        kinds = tuple(numba.typeof(argument) for argument in arguments)
+        kernel.compile(kinds)
+        found = kernel.overload_of[key] = kernel.overloads[kinds]
+    return found
 
-    Numba looks at each array of a tuple at each call, which for some tuples takes 20 µs and more.
+
+def quick_call(kernel: Callable[P, T]) -> Callable[P, T]:
+    """Return a kernel for one caller, whose arguments are mostly the same objects from call to call.
+
+    Only arguments that have changed have their types looked at. Numba looks at each array of a tuple at each call,
+    which for some tuples takes 20 µs and more.
     """
-    dispatcher: Any = kernel
-    entry_point: Any = None
+    last_call: tuple[tuple[Any, ...], Any] = (), None
 
     def call(*arguments: Any) -> Any:
-        nonlocal entry_point
-        if entry_point is not None:
-            return entry_point(*arguments)
-        result = dispatcher(*arguments)
-        entry_point = _overload(dispatcher, arguments).entry_point
-        return result
+        nonlocal last_call
+        known, entry_point = last_call  # another thread may change it
+        if len(arguments) != len(known) or any(map(_is_other_kind, arguments, known)):
+            entry_point = _overload(kernel, arguments).entry_point
+        last_call = arguments, entry_point
+        return entry_point(*arguments)
 
     return cast("Callable[P, T]", call)
 
 
-class Callee(NamedTuple):
-    """A kernel for compiled callers: its address, and those of its arguments that are always the same."""
+def _is_other_kind(argument: Any, known: Any) -> bool:
+    """Whether an argument is not the known object, nor of its type."""
+    return argument is not known and _kind(argument) != _kind(known)
+
+
+class Address(NamedTuple):
+    """Where a kernel is, and the number of the types that it is compiled for, which :func:`call_kernel` compares."""
 
     address: int
+    key: int
+
+
+#: Why :func:`call_kernel` raises a TypeError.
+OTHER_TYPES = "a kernel was called with other types than it is compiled for"
+#: Where no kernel is.
+NOWHERE = Address(0, 0)
+
+
+class Callee(NamedTuple):
+    """A kernel for compiled callers: where it is, and those of its arguments that are always the same."""
+
+    place: Address
     arguments: tuple[Any, ...] = ()
 
 
-def address_of(kernel: Callable[..., None], *arguments: Any) -> int:
-    """Return the address of a kernel, for :func:`call_kernel` with arguments of the types of these.
-
-    Where it has been compiled for a single list of types, the arguments must have these.
-    """
+def address_of(kernel: Callable[..., None], *arguments: Any) -> Address:
+    """Return where a kernel is, for :func:`call_kernel` with arguments of the types of these."""
     found = _overload(kernel, arguments)
-    return _address(found.library, found.fndesc.llvm_func_name)
+    return Address(_address(found.library, found.fndesc.llvm_func_name), _key(found.signature.args))
 
 
 @cache
 def _address(library: Any, name: str) -> int:
     return int(library.get_pointer_to_function(name))
+
+
+def _key(kinds: Iterable[Any]) -> int:
+    """Return a number of some types, which differs from that of others."""
+    names = str([str(unliteral(kind)) for kind in kinds])
+    return int.from_bytes(hashlib.blake2b(names.encode(), digest_size=7).digest())
 
 
 class PythonFunction:
@@ -312,17 +346,22 @@ def _caller(returned: Any) -> Any:
 
 
 @intrinsic
-def _call_kernel(typing_context: Any, address: Any, arguments: Any) -> Any:
+def _call_kernel(typing_context: Any, place: Any, arguments: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         convention, kinds = context.call_conv, tuple(signature.args[1])
         function = convention.get_function_type(types.none, kinds).as_pointer()
+        address, key = cgutils.unpack_tuple(builder, values[0])
+        with cgutils.if_unlikely(builder, builder.icmp_unsigned("!=", key, key.type(_key(kinds)))):
+            convention.return_user_exc(
+                builder, TypeError, (OTHER_TYPES,)
+            )
         passed = cgutils.unpack_tuple(builder, values[1])
-        status, _ = convention.call_function(builder, builder.inttoptr(values[0], function), types.none, kinds, passed)
+        status, _ = convention.call_function(builder, builder.inttoptr(address, function), types.none, kinds, passed)
         with cgutils.if_unlikely(builder, status.is_error):
             convention.return_status_propagate(builder, status)
         return context.get_dummy_value()
 
-    return types.none(address, arguments), generate
+    return types.none(place, arguments), generate
 
 
 def _pointer_to(kind: Any) -> Any:
@@ -369,8 +408,8 @@ if TYPE_CHECKING:
     def call_address(address: int, arguments: tuple[Any, ...]) -> int:
         """Call a C function that returns a pointer."""
 
-    def call_kernel(address: int, arguments: tuple[Any, ...]) -> None:
-        """Call a kernel that returns nothing, by :func:`address_of` for arguments of exactly these types."""
+    def call_kernel(place: Address, arguments: tuple[Any, ...]) -> None:
+        """Call a kernel that returns nothing, by :func:`address_of`; TypeError if its arguments had other types."""
 
     def pointer(address: int) -> Any:
         """Turn an address into a pointer to doubles, for ``numba.carray``."""

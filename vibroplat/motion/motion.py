@@ -18,7 +18,7 @@ from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
 from vibroplat.hybrid.sliding import apply_sliding_corner
 from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.interface import Engine
-from vibroplat.kernels.compiled import FloatArray, same_types
+from vibroplat.kernels.compiled import FloatArray, quick_call
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
@@ -38,9 +38,6 @@ OUTCOMES = {
     hy.OUTSIDE_MODEL: "outside-model-validity",
     hy.OUT_OF_MEMORY: "out-of-memory",
 }
-
-#: All motions have automata of the same types.
-_first_mode, _rewind = same_types(first_mode), same_types(rewind)
 
 
 class Observer(Protocol):
@@ -102,6 +99,7 @@ class Simulator:
         self.engine = engine
         self.events = 0
         self._lack = ""
+        self._first_mode, self._rewind = quick_call(first_mode), quick_call(rewind)
         self._observer: Statistics | None = None
         steps = empty_steps(engine.rows, engine.degree)
         self._p = p
@@ -118,7 +116,7 @@ class Simulator:
             record_words(self.automaton.p),
             record_words(self.automaton.inelastic),
         )
-        _first_mode(self.automaton)
+        self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self._field["mode"][0] != mode:  # it has just lifted off: gap and its rate are 0
             self._run["mode"], self._run["zeros"] = mode, 2
         if mode is not None:
@@ -152,7 +150,7 @@ class Simulator:
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
-        _first_mode(self.automaton)
+        self._first_mode(self.automaton)
 
     def beginnings(self, states: FloatArray) -> npt.NDArray[np.void]:
         """Return records of :data:`vibroplat.hybrid.state.RUN` of motions from full states, shape (motions, 14)."""
@@ -168,7 +166,7 @@ class Simulator:
 
     def find_mode(self) -> None:
         """Find the mode of the present state, as at the beginning of a motion."""
-        _first_mode(self.automaton)
+        self._first_mode(self.automaton)
 
     def _change_supply(self) -> None:
         """Change the supply of the motors to that of the present, for all who hold the parameters."""
@@ -258,13 +256,13 @@ class Simulator:
                 (apply_supply_corner if self.scene.transport is None else apply_sliding_corner)(
                     h, self._interval.corner
                 )
-                _rewind(h.steps)  # they have been read
+                self._rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # an observer may have run out of memory
             h.run["end"] = end = min(time, self._interval.end)
             outcome[0] = hy.RUNNING
             while outcome.item() == hy.RUNNING:
-                _rewind(h.steps)  # should memory run out before the engine does so
+                self._rewind(h.steps)  # should memory run out before the engine does so
                 self.go_on()
                 self._tell(observers)
 

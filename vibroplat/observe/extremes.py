@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined, same_types
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined, quick_call
 
 #: Degree of polynomials up to which there are too few samples of them to find extremes by.
 FEW_SAMPLES = 8
@@ -90,7 +90,7 @@ def merge(extremes: Any, merged: Any) -> None:
             merged.largest[k] = max(merged.largest[k], other.largest[k])
 
 
-_merge = same_types(merge)
+_merge = quick_call(merge)
 
 
 class Equations(NamedTuple):

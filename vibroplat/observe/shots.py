@@ -17,6 +17,8 @@ from vibroplat.hybrid.loop import first_mode
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.hybrid.state import EVENT, OK, RUNNING, Automaton, rewind
 from vibroplat.kernels.compiled import (
+    NOWHERE,
+    Address,
     Callee,
     FloatArray,
     address_of,
@@ -95,15 +97,15 @@ class ShotRecords(NamedTuple):
     """
 
     h: Automaton
-    shoot: int
+    shoot: Address
     run: FloatArray
     beginning: FloatArray
     engine: Callee
     python: int
     variation: VariationalState
-    follow: int
-    arrive: int
-    look: int
+    follow: Address
+    arrive: Address
+    look: Address
     least: FloatArray
     statistics: Callee
     blank: FloatArray
@@ -138,7 +140,7 @@ def shot_records(
     carried, least = variation.carried, np.empty(2)
     return ShotRecords(
         h=h,
-        shoot=0,
+        shoot=NOWHERE,
         run=record_words(h.run),
         beginning=record_words(beginning),
         engine=engine,
@@ -209,7 +211,7 @@ def shoot(owned_k: ShotRecords, state: FloatArray, duration: float, full: bool, 
         if measured:
             events = h.events[: run.events]
             first, others = k.statistics.arguments[:1], k.statistics.arguments[1:]
-            call_kernel(k.statistics.address, first + (h.steps, events) + others + (h.p,))  # noqa: RUF005
+            call_kernel(k.statistics.place, first + (h.steps, events) + others + (h.p,))  # noqa: RUF005
         run.events = 0
     leave(k)
     if measured:
@@ -246,7 +248,7 @@ def advance(k: ShotRecords) -> bool:
     rewind(k.h.steps)
     if len(k.engine.arguments) == 0:
         return ask(k, ADVANCE)
-    call_kernel(k.engine.address, (k.h,) + k.engine.arguments)  # noqa: RUF005
+    call_kernel(k.engine.place, (k.h,) + k.engine.arguments)  # noqa: RUF005
     return True
 
 

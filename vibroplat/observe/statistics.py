@@ -14,7 +14,7 @@ import numpy.typing as npt
 from vibroplat.config.coordinates import TURN
 from vibroplat.hybrid.modes import CHATTER, FLIGHT, IMPACT, MODES
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, same_types
+from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, quick_call
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import crossing, value
 from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
@@ -99,6 +99,7 @@ class Statistics:
     ) -> None:
         self._room = in_lines((1,), ROOM)[0]
         self._room["named"] = named
+        self._add_pieces = quick_call(add_pieces)
         self.begin(window, points, blocks, scope)
 
     def begin(self, window: float, points: int = SECTION_ROWS, blocks: int = 1, scope: int = WHOLE_RUN) -> Accumulators:
@@ -115,7 +116,7 @@ class Statistics:
 
     def read(self, h: Automaton) -> None:
         """Add the steps and events since the last reading."""
-        _add_pieces(self.measures, h.steps, h.events[: h.run["events"]], *self._constants(h), h.p)
+        self._add_pieces(self.measures, h.steps, h.events[: h.run["events"]], *self._constants(h), h.p)
 
     def callee(self, h: Automaton) -> Callee:
         """Return the kernel that adds them, for compiled callers, with the arguments that stay the same in a motion.
@@ -123,8 +124,8 @@ class Statistics:
         It is called with the first of these, steps and events, the others, and parameters.
         """
         constants = self._constants(h)
-        address = address_of(add_pieces, self.measures, h.steps, h.events[:0], *constants, h.p)
-        return Callee(address, (self.measures, *constants))
+        place = address_of(add_pieces, self.measures, h.steps, h.events[:0], *constants, h.p)
+        return Callee(place, (self.measures, *constants))
 
     def _constants(self, h: Automaton) -> tuple[Any, int, float, Equations]:
         """Room, number of nodes, fastest speed and equations.
@@ -174,10 +175,6 @@ def add_pieces(
     while counted < events.size:
         count_event(ms, events[counted])
         counted += 1
-
-
-#: All statistics have arrays of the same types.
-_add_pieces = same_types(add_pieces)
 
 
 @compiled

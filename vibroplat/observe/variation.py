@@ -17,7 +17,7 @@ from numba import carray  # type: ignore[attr-defined]
 
 from vibroplat.hybrid.modes import ATTACHED, CHATTER, IMPACT
 from vibroplat.hybrid.state import Automaton, Steps
-from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, pointer, same_types
+from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, pointer, quick_call
 from vibroplat.kernels.elimination import whole_lanes
 from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import accelerations, linearize
@@ -110,7 +110,7 @@ class Variation:
     """
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
-        self._follow, self._arrive, self._perturb = same_types(follow), same_types(arrive), same_types(perturb)
+        self._follow, self._arrive, self._perturb = quick_call(follow), quick_call(arrive), quick_call(perturb)
         perturbed = np.zeros((2, 1 + len(directions)), COMPLEX)
         numbers = flat(perturbed)
         self._columns = FULL_SIZE + len(directions)
