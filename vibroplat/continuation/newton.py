@@ -21,7 +21,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.multipliers import Stability, stability
+from vibroplat.observe.multipliers import Stability, multipliers_of, stability
 from vibroplat.observe.orbits import (
     ANGLE_INDEX,
     BEYOND_LIMITS,
@@ -95,11 +95,11 @@ class NewtonResult:
 
     @cached_property
     def _stability(self) -> tuple[npt.NDArray[np.complex128], Stability]:
-        multipliers = np.empty(self.chart.places.size - 1, complex)
-        found = stability(self.chart.section_map(self.shot), multipliers)
-        if multipliers.size and math.isnan(multipliers[0].real):
-            raise NoConvergenceError("the multipliers are not finite")
-        return multipliers, found
+        try:
+            multipliers = multipliers_of(self.chart.section_map(self.shot))
+        except np.linalg.LinAlgError as error:
+            raise NoConvergenceError("the multipliers are not finite") from error
+        return multipliers, stability(multipliers)
 
     @cached_property
     def event_sequence(self) -> str:

@@ -6,9 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.eigenvalues import eigenvalues
+from vibroplat.kernels.compiled import FloatArray, compiled
 
 #: Imaginary part up to which a multiplier is real, but for round-off; magnitudes are equal within 1 / PARTS.
 MAX_IMAGINARY, PARTS = 1e-9, 1e12
@@ -46,6 +46,20 @@ class Stability(NamedTuple):
     outside: tuple[int, int, int]
 
 
+def multipliers_of(section_map: FloatArray) -> npt.NDArray[np.complex128]:
+    """Find the multipliers: eigenvalues of the derivative of the map from section to section.
+
+    The largest is first, but for round-off; of a pair that above the real axis.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        The derivative is not finite.
+    """
+    found = np.linalg.eigvals(section_map).astype(complex)
+    return found[np.lexsort((-found.imag, -np.rint(np.abs(found) * PARTS)))]
+
+
 @compiled
 def n_unstable(multipliers: Any) -> int:
     """Count the multipliers outside the unit circle."""
@@ -56,14 +70,8 @@ def n_unstable(multipliers: Any) -> int:
 
 
 @compiled
-def stability(section_map: FloatArray, multipliers: Any) -> Stability:
-    """Evaluate the stability by the derivative of the map from section to section, which is overwritten.
-
-    The multipliers are filled, the largest first, of a pair that above the real axis; with nan if they are not found.
-    """
-    if not eigenvalues(section_map, multipliers):
-        multipliers[:] = math.nan
-    sort_multipliers(multipliers)
+def stability(multipliers: Any) -> Stability:
+    """Evaluate the stability by the multipliers, in the order of :func:`multipliers_of`."""
     fold, doubling, neimark_sacker = 1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j
     above = around = below = pairs = 0
     nearest, complex_pair = math.inf, False
@@ -82,24 +90,6 @@ def stability(section_map: FloatArray, multipliers: Any) -> Stability:
                 nearest, complex_pair = abs(left), not real and abs(multipliers[j].imag) > MAX_IMAGINARY
     outside = (above, around, below)
     return Stability(fold.real, doubling.real, neimark_sacker.real, complex_pair, pairs < 2, outside)
-
-
-@inlined
-def sort_multipliers(multipliers: Any) -> None:
-    """Sort them in place."""
-    for i in range(1, multipliers.size):
-        one, j = multipliers[i], i
-        while j > 0 and comes_before(one, multipliers[j - 1]):
-            multipliers[j] = multipliers[j - 1]
-            j -= 1
-        multipliers[j] = one
-
-
-@inlined
-def comes_before(one: complex, other: complex) -> bool:
-    """Whether a multiplier is larger than another, but for round-off, or as large and higher above the real axis."""
-    first, second = np.rint(abs(one) * PARTS), np.rint(abs(other) * PARTS)
-    return bool(first > second or (first == second and one.imag > other.imag))
 
 
 @compiled
