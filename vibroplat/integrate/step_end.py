@@ -10,9 +10,10 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME
 from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_form
 from vibroplat.hybrid.state import WIDTH, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.lanes import in_lines, put_step
+from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
 from vibroplat.kernels.rows import sizes_16
+from vibroplat.kernels.vectors import Lanes, four, join, load_8, store
 from vibroplat.model.series import FORCE, FRICTION
 from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SLIDES, UNKNOWNS
 
@@ -56,6 +57,46 @@ def statuses(width: int) -> Any:
 def is_shifted(system: int) -> bool:
     """Whether the upper layer's coordinate follows those of the platform: attached, with two layers."""
     return ALGEBRAIC[system] and LAYERS[system] == 2 and not SLIDES[system]
+
+
+@inlined
+def load_lane(q: FloatArray, row: int, lane: int) -> Lanes:
+    """Load the eight numbers that a row has of one lane."""
+    if q.shape[2] == 1:
+        return load_8(q, row, 0)
+    return join(
+        four(q[row, 0, lane], q[row, 1, lane], q[row, 2, lane], q[row, 3, lane]),
+        four(q[row, 4, lane], q[row, 5, lane], q[row, 6, lane], q[row, 7, lane]),
+    )
+
+
+@inlined
+def put_step(q: FloatArray, lane: int, degree: int, length: float, n: int, shifted: bool, c: FloatArray) -> None:
+    """Write series in powers of time as a step's polynomials in its fraction: coordinates, rates, F_c.
+
+    Parameters
+    ----------
+    q, lane
+        Coefficients, shape (degree + 2 or more, 8, lanes), and which lane's: seven coordinates, then F_c. The row
+        after the last is 0.
+    length
+        Duration of the step (s).
+    n, shifted
+        Number of coordinates that count, and whether the seventh of them comes in place of the sixth.
+    c
+        Filled, shape (degree + 1, 16): coordinates, their rates from column n on, F_c in column 2n, then numbers of
+        no meaning.
+    """
+    power, following = 1.0, load_lane(q, 0, lane)
+    for k in range(degree + 1):
+        row, following = following, load_lane(q, k + 1, lane)
+        rate = power * (k + 1.0)
+        store(row * power, c, k, 0)
+        store(following * rate, c, k, n)
+        if shifted:
+            c[k, 5], c[k, 11] = power * q[k, 6, lane], rate * q[k + 1, 6, lane]
+        c[k, 2 * n] = power * q[k, FORCE, lane]
+        power *= length
 
 
 @inlined

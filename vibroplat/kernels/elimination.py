@@ -5,102 +5,46 @@ Two rows are subtracted from all others at a time, so each row is loaded and sto
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from llvmlite import ir
-from numba.core import types
-from numba.extending import intrinsic
-
-from vibroplat.kernels.compiled import FloatArray, fused, inlined
-from vibroplat.kernels.lanes import INDEX, Rows, loop, multiply_add, repeat
+from vibroplat.kernels.compiled import FloatArray, fused, fused_inline, inlined
 from vibroplat.kernels.linear import pivot_row
+from vibroplat.kernels.vectors import load_8, load_16, store, zero
 
 #: Numbers of a row that are reduced at once.
 LANE = 16
 
 
-@intrinsic
-def _reduce(typing_context: Any, a: Any, first: Any, last: Any, one: Any, other: Any, column: Any, factors: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        rows = Rows(context, builder, signature.args[0], values[0], LANE)
-        shares = Rows(context, builder, signature.args[6], values[6], 1)
-        _, first, last, one, other, column, _ = values
-        pivots = [rows.load(row, column) for row in (one, other)]
+@fused_inline
+def reduce(a: FloatArray, first: int, last: int, one: int, other: int, column: int, factors: FloatArray) -> None:
+    """Subtract two rows from the rows ``first`` to ``last``, in a lane from a column on.
 
-        def body(i: Any, totals: list[Any]) -> list[Any]:
-            row = rows.load(i, column)
-            for k, pivot in enumerate(pivots):
-                factor = builder.fneg(shares.load_one(ir.Constant(INDEX, k), i))
-                row = multiply_add(builder, repeat(builder, factor, rows.vector), pivot, row)
-            rows.store(i, row, column)
-            return totals
-
-        loop(builder, first, last, 1, [], body)
-        return context.get_dummy_value()
-
-    places = (types.int64,) * 5
-    return types.void(a, *places, factors), generate
+    Factors of both are in the columns of ``factors``, shape (2, rows of a).
+    """
+    one_pivot, other_pivot = load_16(a, one, column), load_16(a, other, column)
+    for i in range(first, last + 1):
+        row = load_16(a, i, column) - factors[0, i] * one_pivot
+        store(row - factors[1, i] * other_pivot, a, i, column)
 
 
-@intrinsic
-def _blend(
-    typing_context: Any, out: Any, row: Any, column: Any, a: Any, b: Any, rows: Any, other: Any, begin: Any
-) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        _, row, column, a, b, _, other, begin = values
-        result, source = (Rows(context, builder, signature.args[i], values[i], LANE // 2) for i in (0, 5))
-        a, b = (repeat(builder, share, source.vector) for share in (a, b))
-        first = builder.fmul(a, source.load(other, ir.Constant(INDEX, 0)))
-        result.store(row, multiply_add(builder, b, source.load(other, begin), first), column)
-        return context.get_dummy_value()
-
-    index, number = types.int64, types.float64
-    return types.void(out, index, index, number, number, rows, index, index), generate
+@fused_inline
+def blend_8(
+    out: FloatArray, row: int, column: int, a: float, b: float, rows: FloatArray, other: int, begin: int
+) -> None:
+    """Fill 8 numbers of a row with a times the first 8 of another and b times its 8 from column ``begin`` on."""
+    store(b * load_8(rows, other, begin) + a * load_8(rows, other, 0), out, row, column)
 
 
-@intrinsic
-def _combine(
-    typing_context: Any, out: Any, row: Any, column: Any, weights: Any, rows: Any, last: Any, begin: Any
-) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        _, row, column, _, _, last, begin = values
-        result, source = (Rows(context, builder, signature.args[i], values[i], LANE) for i in (0, 4))
-        shares, zero = Rows(context, builder, signature.args[3], values[3], 1), ir.Constant(INDEX, 0)
+@fused_inline
+def combine_16(
+    out: FloatArray, row: int, column: int, weights: FloatArray, rows: FloatArray, last: int, begin: int
+) -> None:
+    """Fill a lane of a row with the weighted sum of the rows up to ``last``, from column ``begin`` on.
 
-        def body(i: Any, totals: list[Any]) -> list[Any]:
-            share = repeat(builder, shares.load_one(zero, i), source.vector)
-            return [multiply_add(builder, share, source.load(i, begin), totals[0])]
-
-        zeros = ir.Constant(source.vector, [0.0] * LANE)
-        result.store(row, loop(builder, zero, last, 1, [zeros], body)[1], column)
-        return context.get_dummy_value()
-
-    index = types.int64
-    return types.void(out, index, index, weights, rows, index, index), generate
-
-
-if TYPE_CHECKING:
-
-    def reduce(a: FloatArray, first: int, last: int, one: int, other: int, column: int, factors: FloatArray) -> None:
-        """Subtract two rows from the rows ``first`` to ``last``, in a lane from a column on.
-
-        Factors of both are in the columns of ``factors``, shape (2, rows of a).
-        """
-
-    def blend_8(
-        out: FloatArray, row: int, column: int, a: float, b: float, rows: FloatArray, other: int, begin: int
-    ) -> None:
-        """Fill 8 numbers of a row with a times the first 8 of another and b times its 8 from column ``begin`` on."""
-
-    def combine_16(
-        out: FloatArray, row: int, column: int, weights: FloatArray, rows: FloatArray, last: int, begin: int
-    ) -> None:
-        """Fill a lane of a row with the weighted sum of the rows up to ``last``, from column ``begin`` on.
-
-        The weights have the shape (1, last + 1 or more).
-        """
-else:
-    reduce, blend_8, combine_16 = _reduce, _blend, _combine
+    The weights have the shape (1, last + 1 or more).
+    """
+    total = zero(load_16(rows, 0, begin))
+    for i in range(last + 1):
+        total = weights[0, i] * load_16(rows, i, begin) + total
+    store(total, out, row, column)
 
 
 @inlined
