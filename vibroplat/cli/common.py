@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -96,7 +96,7 @@ def load_kernels(*engines: str) -> None:
     from vibroplat.motion import run
 
     for engine in engines or ("auto",):
-        with _compilation(engine) if announce_first_run(engine) else nullcontext():
+        with compilation_progress() if announce_first_run(engine) else nullcontext():
             run.load_kernels(engine)
     gc.freeze()  # loaded modules stay: the garbage collector need not visit them
 
@@ -127,18 +127,6 @@ def command_directory(out: Path, name: str, command: str, *, resume: bool = Fals
     if resume and (directory / "provenance.json").exists():
         read_provenance(directory)
     return directory
-
-
-@contextmanager
-def _compilation(engine: str) -> Iterator[None]:
-    """Compile an engine's loop in a second process as well, and show how long it takes."""
-    from vibroplat.kernels import cache
-    from vibroplat.motion import run
-    from vibroplat.system.compile_lock import second_compiler
-
-    helped = nullcontext() if cache.folder() is None else second_compiler(lambda: run.compile_loop(engine))
-    with helped, compilation_progress():
-        yield
 
 
 def require_scheduler(address: str | None) -> None:

@@ -248,11 +248,6 @@ def empty_records() -> Native:
     )
 
 
-def loop_arguments(h: Automaton) -> tuple[Automaton, Native]:
-    """Make the arguments of :func:`run_loop` for an automaton, for the compiler."""
-    return h, empty_records()
-
-
 @compiled
 def run_loop(owned_h: Automaton, owned_n: Native) -> None:
     """Go through segments and resets until there is no room for more steps or the run has ended."""

@@ -105,11 +105,6 @@ class TaylorEngine:
         """Do nothing: Python frees what the engine holds."""
 
 
-def loop_arguments(h: Automaton) -> tuple[Group]:
-    """Make the arguments of :func:`carry` for an automaton, for the compiler."""
-    return (group_of([h], h.steps.degree, MAX_STEPS, keep=True),)
-
-
 @compiled
 def carry(owned_g: Group) -> None:
     """Carry the motion of an automaton, a group of its own, on until it has ended or has no room for more steps."""

@@ -332,10 +332,6 @@ class KernelCache(NullCache):
         kinds = hashlib.sha256(str(sigutils.normalize_signature(sig)).encode())
         return f"{self._name}-{kinds.hexdigest()[:16]}.bin"
 
-    def number(self, sig: Any) -> int:
-        """Return the number of the kernel with one signature, below 2⁵⁶."""
-        return int.from_bytes(hashlib.sha256(self._file(sig).encode()).digest()[:7])
-
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the kernel for one signature, ready to be called; None where it must be compiled.
 

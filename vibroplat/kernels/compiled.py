@@ -14,7 +14,6 @@ from __future__ import annotations
 import ctypes
 import hashlib
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
 from functools import cache, cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
@@ -35,9 +34,8 @@ from numba.core.types import unliteral
 from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
-from vibroplat.kernels.cache import KernelCache, cache_of, folder
+from vibroplat.kernels.cache import cache_of
 from vibroplat.kernels.target import TARGET, WIDE_TARGET, InsideLibrary
-from vibroplat.system.compile_lock import is_second, locked
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -77,11 +75,6 @@ if _records_are_as_expected():  # otherwise numba's own way stays
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def _locked(cache: Any, sig: Any) -> AbstractContextManager[None]:
-    """Wait while another process compiles a kernel for a signature, and keep others from doing so."""
-    return locked(folder(), cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
-
-
 class _Dispatcher(CPUDispatcher):
     """Numba's, with the target and the cache of this package."""
 
@@ -91,17 +84,11 @@ class _Dispatcher(CPUDispatcher):
         """Keep what is compiled."""
         self._cache = cache_of(self.py_func)
 
-    def compile(self, sig: Any) -> Any:
-        """Compile for one signature, or load what was compiled."""
-        with _locked(self._cache, sig):
-            return super().compile(sig)
-
 
 class _Callback(CFunc):
     """A C function, with the same. It is compiled when its address is asked for."""
 
     _targetdescr = TARGET
-    _sig: Any
     _wrapper_address: int | None
 
     def enable_caching(self) -> None:
@@ -110,12 +97,9 @@ class _Callback(CFunc):
 
     @property
     def address(self) -> int:
-        """Where its machine code is; 0 in a process that calls none."""
-        if is_second():
-            return 0
+        """Where its machine code is."""
         if self._wrapper_address is None:
-            with _locked(self._cache, self._sig):
-                self.compile()
+            self.compile()
         assert self._wrapper_address is not None
         return self._wrapper_address
 
@@ -308,11 +292,6 @@ class PythonFunction:
             raise error
 
 
-def compile_for(kernel: Callable[..., Any], *arguments: Any) -> None:
-    """Compile a kernel for arguments of these types, without a call."""
-    cast("Any", kernel).compile(tuple(numba.typeof(argument) for argument in arguments))
-
-
 def callback(signature: str) -> Callable[[Callable[P, T]], Any]:
     """Compile a kernel to a C function of a fixed signature, kept on disk; its ``address`` is callable from C."""
 
@@ -352,9 +331,7 @@ def _call_kernel(typing_context: Any, place: Any, arguments: Any) -> Any:
         function = convention.get_function_type(types.none, kinds).as_pointer()
         address, key = cgutils.unpack_tuple(builder, values[0])
         with cgutils.if_unlikely(builder, builder.icmp_unsigned("!=", key, key.type(_key(kinds)))):
-            convention.return_user_exc(
-                builder, TypeError, (OTHER_TYPES,)
-            )
+            convention.return_user_exc(builder, TypeError, (OTHER_TYPES,))
         passed = cgutils.unpack_tuple(builder, values[1])
         status, _ = convention.call_function(builder, builder.inttoptr(address, function), types.none, kinds, passed)
         with cgutils.if_unlikely(builder, status.is_error):

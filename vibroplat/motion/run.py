@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,6 @@ from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, s
 from vibroplat.inspection.balance import phases_at, supply_at
 from vibroplat.integrate import make_engine
 from vibroplat.integrate.interface import WORK, Engine
-from vibroplat.kernels.compiled import compile_for
-from vibroplat.kernels.engines import ENGINES, loop_of
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Observer, Simulator
@@ -318,24 +315,10 @@ class _Progress:
 def load_kernels(engine: str = "auto") -> None:
     """Compile or load all that a motion needs, by the engine that ``solver.engine`` names.
 
-    The engine's loop comes last: a second process may be compiling it, by :func:`compile_loop`.
+    The engine's loop comes last: where it is on disk, all others are.
     """
-    scene, p, h = _any_automaton(engine)
-    Statistics(0.0).read(h)
-    with closing(make_engine(scene, p)) as made:
-        Simulator(scene, p, made).advance(1e-3)
-
-
-def compile_loop(engine: str) -> None:
-    """Compile the loop of an engine that has a compiled one, in a process that calls no kernel."""
-    if engine == "auto" or ENGINES[engine].loop:
-        module_name, _, name = loop_of(engine).rpartition(".")
-        module = import_module(f"vibroplat.{module_name}")
-        compile_for(getattr(module, name), *module.loop_arguments(_any_automaton(engine)[-1]))
-
-
-def _any_automaton(engine: str) -> tuple[Scene, Parameters, Automaton]:
-    """Make a scene that takes all kernels, its parameters and its automaton, with room for no steps."""
     scene = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}, "solver.engine": engine})
     p = parameters(scene)
-    return scene, p, automaton(scene, p, empty_steps(1, CUBIC), 1.0)
+    Statistics(0.0).read(automaton(scene, p, empty_steps(1, CUBIC), 1.0))
+    with closing(make_engine(scene, p)) as made:
+        Simulator(scene, p, made).advance(1e-3)
