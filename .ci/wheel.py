@@ -87,7 +87,7 @@ class CustomBuildHook(BuildHookInterface):
             return
         self._folder = tempfile.mkdtemp(prefix="vibroplat-wheel-")
         made = compile_all(Path(self.root), Path(self._folder))
-        for file in (*made.glob("*.bin"), *made.glob("sources-*")):
+        for file in made.glob("*.bin"):
             if not file.match(INSIDE):
                 build_data["force_include"][str(file)] = f"vibroplat/kernels/machine_code/{made.name}/{file.name}"
         build_data["pure_python"] = False

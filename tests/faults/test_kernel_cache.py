@@ -4,7 +4,6 @@ import ast
 import importlib
 import os
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
@@ -48,7 +47,7 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """Forget what this process has found, as a new one would not know it."""
-    for known in (cache._state, cache._name, cache.folder, cache._readable, cache._tell_unfit, processor):
+    for known in (cache._name, cache.folder, cache._readable, cache._tell_damaged, processor):
         known.cache_clear()
 
 
@@ -79,25 +78,23 @@ def test_all_checkouts_of_a_version_share_the_users_cache(package, tmp_path, mon
     assert folders.pop().parent == tmp_path / "home/.cache/vibroplat"
 
 
-def test_folder_that_others_can_write_to_is_not_used(package, tmp_path, monkeypatch, caplog):
-    """What they plant there would be executed: that of the variable, the home, the package or the temporary one."""
-    for variable in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
-        monkeypatch.setenv(variable, str(tmp_path / variable))
-    places = [tmp_path / "NUMBA_CACHE_DIR", tmp_path / "XDG_CACHE_HOME", tmp_path / "HOME/.cache", package]
-    for place in places:
-        place.mkdir(parents=True, exist_ok=True)
-        assert found(package).is_relative_to(place)
-        place.chmod(0o777)  # above what was made by us
-    assert found(package).is_relative_to(tmp_path / "temporary")
-    (tmp_path / "temporary").chmod(0o777)  # not sticky: others can replace what is in it
-    caplog.clear()
-    assert found(package) is None
-    told = [f"machine code in {place}/vibroplat is not used: others can write to {place}" for place in places[:3]]
-    told.append(f"machine code in {package}/__pycache__ is not used: others can write to {package}")
-    assert caplog.messages[:4] == told
+@pytest.mark.parametrize("whose", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME", "package"])
+def test_folder_that_others_can_write_to_is_not_used(whose, package, tmp_path, monkeypatch, caplog):
+    """What they plant there would be executed; above what was made by us they can put another in its place."""
+    place = package if whose == "package" else tmp_path / whose
+    place.mkdir(exist_ok=True)
+    if whose != "package":
+        monkeypatch.setenv(whose, str(place))
+    used = found(package)
+    assert used.is_relative_to(place)
+    for written in (place, used):
+        written.chmod(0o777)
+        assert not found(package).is_relative_to(place)
+        assert caplog.messages[-1] == f"machine code in {used.parent} is not used: others can write to {written}"
+        written.chmod(0o700)
 
 
-def test_folder_of_another_user_is_not_used(package, tmp_path, monkeypatch, caplog):
+def test_folder_of_another_user_is_not_used(package, tmp_path, monkeypatch):
     """With sudo root may have the home of the user who called it."""
     if os.getuid():
         pytest.skip("only root can give a folder to another user")
@@ -106,20 +103,9 @@ def test_folder_of_another_user_is_not_used(package, tmp_path, monkeypatch, capl
     os.chown(home, 12345, 12345)
     monkeypatch.setenv("HOME", str(home))
     assert found(package).parent == package / "__pycache__"
-    assert caplog.messages == [f"machine code in {home}/.cache/vibroplat is not used: {home} belongs to another user"]
 
 
-def give_access(place):
-    """Let another user write in a place, by a list of access as setfacl writes it."""
-    nobody, tags = 2**32 - 1, {1: 7, 2: 7, 4: 5, 16: 7, 32: 0}
-    entries = [struct.pack("<HHI", tag, right, 12345 if tag == 2 else nobody) for tag, right in tags.items()]
-    try:
-        os.setxattr(place, "system.posix_acl_access", struct.pack("<I", 2) + b"".join(entries))
-    except (AttributeError, OSError):
-        pytest.skip("there are no lists of access")
-
-
-def test_shipped_machine_code_that_others_can_write_to_is_not_used(package):
+def test_shipped_machine_code_is_read_first_unless_others_can_write_to_it(package):
     shipped = package / cache.SHIPPED / found(package).name
     shipped.mkdir(parents=True)
     forget()
@@ -129,26 +115,6 @@ def test_shipped_machine_code_that_others_can_write_to_is_not_used(package):
     assert shipped not in cache._readable()
 
 
-def test_group_of_the_user_alone_may_write(package, tmp_path, monkeypatch):
-    """As where each user has a group of his name, and files may be written by the group."""
-    chosen = tmp_path / "chosen"
-    chosen.mkdir()
-    chosen.chmod(0o770)
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(chosen))
-    monkeypatch.setattr("pwd.getpwuid", lambda _user: SimpleNamespace(pw_name="ann"))
-    group = chosen.stat().st_gid
-    for name, members, users, used in (
-        ("ann", [], ["ann"], True),
-        ("ann", ["ben"], ["ann"], False),
-        ("staff", [], ["ann"], False),
-        ("ann", [], ["ann", "ben"], False),  # it is the first group of another, which its list does not tell
-    ):
-        known = [SimpleNamespace(pw_name=user, pw_gid=group) for user in users]
-        monkeypatch.setattr("pwd.getpwall", lambda known=known: known)
-        monkeypatch.setattr("grp.getgrgid", lambda _group, n=name, m=members: SimpleNamespace(gr_name=n, gr_mem=m))
-        assert found(package).is_relative_to(chosen) == used
-
-
 def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_so(package, tmp_path):
     block(package / "__pycache__")
     assert found(package).is_relative_to(tmp_path / "temporary")
@@ -156,24 +122,6 @@ def test_read_only_installation_without_a_home_uses_a_temporary_folder_and_says_
     assert own.stat().st_mode & 0o777 == 0o700
     told = cache.notice()
     assert told == f"they are kept in {own}, the only folder that can be written; NUMBA_CACHE_DIR names another"
-
-
-def test_user_without_an_entry_in_the_list_of_users_has_a_place(package, tmp_path, monkeypatch):
-    def unknown(_user):
-        raise KeyError("getpwuid(): uid not found")
-
-    monkeypatch.setattr("pwd.getpwuid", unknown)
-    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid)
-    monkeypatch.setenv("HOME", "/proc/nowhere")
-    block(package / "__pycache__")
-    assert found(package).is_relative_to(tmp_path / "temporary")
-
-
-def test_link_in_the_temporary_folder_cannot_be_turned_elsewhere_later(package, tmp_path):
-    block(package / "__pycache__")
-    (tmp_path / "elsewhere").mkdir(mode=0o700)
-    (tmp_path / f"temporary/numba-{os.getuid()}").symlink_to(tmp_path / "elsewhere")
-    assert found(package).parent == tmp_path / "elsewhere/vibroplat"
 
 
 @pytest.mark.parametrize("why", ["none", "blocked"])
@@ -213,100 +161,6 @@ def test_change_of_any_source_is_another_folder(package):
         folders.append(found(package))
     assert len(set(folders)) == 1 + len(places)
     assert {folder.parent for folder in folders} == {folders[0].parent}
-
-
-#: A source with a kernel, and what its machine code depends on.
-KERNEL = '''"""Kernels."""
-
-import numpy as np
-
-from vibroplat.kernels.compiled import compiled, fused
-
-#: Ratio.
-HALF, SIZE = 0.5, 1e-12
-
-
-@compiled
-def scaled(x: float, n: int = 3) -> float:
-    """Scale a number."""
-    # by halves
-    for _ in range(n):
-        x = HALF * x + SIZE
-        x -= SIZE
-    return x
-'''
-#: Edits that leave machine code as it is.
-PROSE = [
-    ("    # by halves\n", "    # n times\n"),
-    ("    return x", "    return x  # scaled"),
-    ('"""Kernels."""', '"""Kernels of this room."""'),
-    ('    """Scale a number."""\n', ""),
-    ("#: Ratio.\n", "#: Ratio,\n#: of all.\n\n\n"),
-    ("\n", "\r\n"),
-]
-#: Edits that change machine code, or may do so.
-CODE = [
-    ("0.5", "0.5000000000000001"),
-    ("HALF, SIZE = 0.5", "HALF, SIZE = 1"),
-    ("@compiled\n", ""),
-    ("HALF * x + SIZE", "HALF * (x + SIZE)"),
-    ("n: int = 3", "n: int = 4"),
-    ("    return x", "        return x"),
-    ("HALF, SIZE = 0.5, 1e-12", 'HALF, SIZE = 0.5, 1e-12\nNAME = "x"'),
-]
-
-
-def edited(package, old, new):
-    source = package / "model/source.py"
-    assert old in KERNEL
-    source.write_bytes(KERNEL.replace(old, new).encode())
-    current = found(package)
-    source.write_text(KERNEL)
-    return current
-
-
-def test_edits_of_code_alone_are_other_folders(package):
-    before = edited(package, "", "")
-    assert {edited(package, *change) for change in PROSE} == {before}
-    # what cannot be parsed counts as it is
-    broken = [("(x: float", text) for text in ("(x float", "(x  float", "(x\0")]
-    others = {edited(package, *change) for change in (*CODE, *broken)}
-    assert len(others | {before}) == len(CODE) + len(broken) + 1
-
-
-def refuse(_source):
-    pytest.fail("it was parsed")
-
-
-def test_sources_that_were_parsed_once_are_not_parsed_again(package, monkeypatch):
-    """With comments edited back and forth as well."""
-    (package / "model/source.py").write_text(KERNEL)
-    folders = {found(package), edited(package, *PROSE[0]), found(package)}
-    monkeypatch.setattr(cache, "_code", refuse)
-    folders |= {found(package), edited(package, *PROSE[0])}
-    assert len(folders) == 1
-    assert len(list(folders.pop().glob("sources-*"))) == 2
-
-
-def test_shipped_machine_code_tells_the_sources_that_it_is_of(package, monkeypatch):
-    """A process that can write nothing need not parse either."""
-    kept = found(package)
-    shutil.copytree(kept, package / cache.SHIPPED / kept.name)
-    shutil.rmtree(kept.parent)
-    block(package / "__pycache__")
-    block(Path(tempfile.gettempdir()) / f"numba-{os.getuid()}")
-    monkeypatch.setattr(cache, "_code", refuse)
-    assert found(package) is None
-    assert [place.name for place in cache._readable()] == [kept.name]
-
-
-def test_name_that_others_can_plant_is_not_believed(package):
-    kept = found(package)
-    other = kept.with_name("kernels-0123456789abcdef")
-    kept.rename(other)
-    assert found(package) == other  # whoever can write there is this user
-    other.chmod(0o777)
-    assert found(package) == kept
 
 
 def test_other_compiler_or_setting_of_it_is_another_folder(package, monkeypatch):
@@ -355,7 +209,7 @@ def test_function_without_a_name_of_its_own_is_not_kept(how, monkeypatch):
     monkeypatch.setattr(cache.inspect, "getfile", lambda _: str(PACKAGE / "model/source.py"))
     function = inside if how == "inside a function" else lambda x: x
     assert not isinstance(cache.cache_of(function), cache.KernelCache)
-    assert isinstance(cache.cache_of(refuse), cache.KernelCache)
+    assert isinstance(cache.cache_of(kernels_of_sources), cache.KernelCache)
 
 
 def test_no_number_that_the_digest_does_not_cover_is_imported_beside_kernels():
@@ -385,7 +239,6 @@ def digests(folder, *ages):
 def test_old_machine_code_is_removed_unless_a_running_process_may_use_it(package):
     room = package / "__pycache__"
     digests(room, *[0.5] * 10)
-    (room / ".old-kernels-0-1").mkdir()  # of a removal that was killed
     current = found(package)
     assert len(list(room.iterdir())) == 11
     shutil.rmtree(room)
@@ -430,93 +283,35 @@ class Word:
 SIGNATURE = numba.float64(numba.float64)
 
 
-def flip(code, bit=0):
-    """One bit of a file is another, by default in the middle."""
-    bit = bit or 4 * len(code)
-    return code[: bit // 8] + bytes([code[bit // 8] ^ 1 << bit % 8]) + code[bit // 8 + 1 :]
-
-
-def replace_by_link(path):
-    path.rename(path.with_name("elsewhere"))
-    path.symlink_to("elsewhere")
-
-
-def replace_by_pipe(path):
-    path.unlink()
-    os.mkfifo(path)
-
-
-#: What may have become of a file, and what is said of it.
-SPOILED = {
-    "flipped": (lambda path: path.write_bytes(flip(path.read_bytes())), "damaged files are"),
-    "flipped digest": (lambda path: path.write_bytes(flip(path.read_bytes(), 3)), "damaged files are"),
-    "cut": (lambda path: path.write_bytes(path.read_bytes()[:40]), "damaged files are"),
-    "empty": (lambda path: path.write_bytes(b""), "damaged files are"),
-    "without digest": (lambda path: path.write_bytes(path.read_bytes()[cache.DIGEST_SIZE :]), "damaged files are"),
-    "for all": (lambda path: path.chmod(0o666), "files that others can write to are"),
-    "for a group": (lambda path: path.chmod(0o660), "files that others can write to are"),
-    "for some": (give_access, "files that others can write to are"),
-    "another's": (lambda path: os.chown(path, 12345, -1), "files of another user are"),
-    "link": (replace_by_link, "links and unreadable files are"),
-    "pipe": (replace_by_pipe, "what is no file is"),
-}
-
-
-@pytest.mark.parametrize("how", SPOILED)
-def test_file_that_is_not_as_it_was_kept_is_not_used(how, kernel, monkeypatch, caplog):
-    spoil, told = SPOILED[how]
-    if how == "another's" and os.getuid():
-        pytest.skip("only root can give a file to another user")
-    monkeypatch.setattr(cache, "_is_users_own", lambda _group: how == "for some")
+@pytest.mark.parametrize("shipped", [False, True])
+@pytest.mark.parametrize("how", ["flipped", "cut", "empty", "writable"])
+def test_file_that_is_not_as_it_was_kept_is_compiled_anew(how, shipped, kernel, caplog):
+    path = kernel.path
+    if shipped:
+        path = kernel.shipped
+        path.parent.mkdir(parents=True)
+        kernel.path.rename(path)
     assert kernel.load() == ("word",)
-    spoil(kernel.path)
+    code = path.read_bytes()
+    damaged = {"flipped": code[:40] + bytes([code[40] ^ 1]) + code[41:], "cut": code[:40], "empty": b""}
+    if how == "writable":
+        path.chmod(0o666)
+    else:
+        path.write_bytes(damaged[how])
     assert kernel.load() is None
     assert kernel._cache.load_overload(SIGNATURE, None) is None
-    assert caplog.messages == [f"machine code in {kernel.path.parent}: {told} compiled anew"], "told once"
+    assert caplog.messages == [f"machine code in {path.parent}: damaged files are compiled anew"], "told once"
     kernel.save()
     assert kernel.load() == ("word",)
     assert kernel.path.stat().st_mode & 0o777 == 0o600
 
 
-def test_file_of_another_kernel_or_version_is_not_used(kernel):
-    """Who may rename files must not choose what is called."""
-    for other in (kernel.path.with_name("other.bin"), kernel.path.parents[1] / "kernels-0" / kernel.path.name):
-        other.parent.mkdir(exist_ok=True)
-        shutil.copy(kernel.path, other)
-        with pytest.raises(OSError, match="damaged"):
-            cache._machine_code(other)
-
-
-def test_damaged_shipped_machine_code_is_compiled_once_with_a_line(kernel, caplog):
-    kernel.shipped.parent.mkdir(parents=True)
-    kernel.path.rename(kernel.shipped)
-    assert kernel.load() == ("word",)
-    kernel.shipped.write_bytes(flip(kernel.shipped.read_bytes()))
-    assert kernel.load() is None
-    assert caplog.messages == [f"machine code in {kernel.shipped.parent}: damaged files are compiled anew"]
-    kernel.save()
-    assert kernel.load() == ("word",)
-    assert len(caplog.messages) == 1
-
-
-def test_name_of_sources_that_is_not_believed_is_made_anew(kernel, package):
-    state = kernel.path.with_name(cache._state())
-    state.chmod(0o666)
-    assert found(package) == kernel.path.parent
-    assert state.stat().st_mode & 0o777 == 0o600
-
-
 def test_sources_that_are_changed_while_a_process_runs_have_no_machine_code_of_it(kernel, package):
-    """It has loaded the old ones; a process that begins later would take what they were compiled to for the new."""
+    """It has loaded the old ones; what it compiles is not kept, as nobody knows when they were changed."""
     kernel.path.unlink()
-    source = package / "model/source.py"
-    before = source.read_text()
-    source.write_text("four = 4\n")
+    (package / "model/source.py").write_text("four = 4\n")
     kernel.save()
     assert not kernel.path.exists()
-    source.write_text(before)
-    kernel.save()
-    assert kernel.load() == ("word",)
 
 
 #: Calls a kernel of polynomials from Python, and prints what it gives and what was found on disk of another one.
