@@ -26,9 +26,9 @@ def approaching(seed, count=20):
     return states
 
 
-def struck(before, p):
+def struck(before, p, restitution=None):
     after = np.empty_like(before)
-    impulse, loss = impact(before, after, p)
+    impulse, loss = impact(before, after, p.restitution if restitution is None else restitution, p)
     return after, impulse, loss
 
 
@@ -91,15 +91,14 @@ def follow(state, accelerations, p):
     loss).
     """
     state, angles, slowest = state.copy(), state[2:5].copy(), 1e-13 * state[12]
-    inelastic, sums = p.copy(), np.zeros(3)
-    inelastic.restitution = 0.0
+    sums = np.zeros(3)
     while state[12] > slowest:
         flight = 2.0 * state[12] / -accelerations[5]
         state[:7] += flight * state[7:] + 0.5 * flight**2 * accelerations
         state[7:] += flight * accelerations
         at_impact = state.copy()
         at_impact[2:5] = angles
-        after, impulse, loss = struck(at_impact, inelastic if -state[12] < p.sticking_speed else p)
+        after, impulse, loss = struck(at_impact, p, 0.0 if -state[12] < p.sticking_speed else None)
         state[7:], state[5] = after[7:], 0.0
         sums += flight, impulse, loss
     return state, *sums

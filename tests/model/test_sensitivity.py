@@ -88,7 +88,7 @@ def test_impact_and_latch_along_state_accelerations_and_restitution(law):
         struck, closed = np.empty((2, 14), kind)
         moved, rates = state + step * direction, pulled + step * turning
         moved[12] = -0.3 + step * direction[12]
-        impulse, loss = impact(moved, struck, p)
+        impulse, loss = impact(moved, struck, p["restitution"], p)
         moved[12] = 0.02 + step * direction[12]
         duration, *_ = chatter_map(moved, rates, closed, p)
         return np.concatenate([struck, closed, [impulse, loss, duration]])

@@ -91,7 +91,7 @@ def test_an_impact_keeps_momentum_and_its_cone_and_takes_the_energy_that_it_tell
     if layers == 1:
         state[6] = state[13] = 0.0
     before, moving = state.copy(), along.copy()
-    blow = sliding_impact(state, along, p)
+    blow = sliding_impact(state, along, p.restitution, p)
     assert blow.normal > 0.0
     assert state[12] == pytest.approx(0.7 * p.restitution)
     assert abs(blow.along) <= 0.4 * blow.normal * (1.0 + 1e-12)

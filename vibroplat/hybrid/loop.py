@@ -86,11 +86,9 @@ def automaton(
     event_rows
         Events for which there is room until they are read.
     """
-    kept, runs = np.array([p, p], PARAMETERS), beginning(scene, turns_per_segment, state, time)
-    kept["restitution"][1] = 0.0
+    kept, runs = np.array([p], PARAMETERS), beginning(scene, turns_per_segment, state, time)
     return Automaton(
         p=kept[0],
-        inelastic=kept[1],
         run=runs[0],
         recent=np.empty(scene.solver.max_events_per_period),
         events=np.zeros(event_rows, EVENT),

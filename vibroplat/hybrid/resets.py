@@ -193,11 +193,11 @@ def apply_impact(h: Automaton) -> None:
     run.state[GAP_RATE] = before
     struck = run.state.copy()
     resolved = -before >= run.slowest
-    p = h.inelastic if -before < h.p.sticking_speed else h.p
-    impulse, loss, following = rebound_from(h, struck, p, resolved)
+    restitution = 0.0 if -before < h.p.sticking_speed else h.p.restitution
+    impulse, loss, following = rebound_from(h, struck, restitution, resolved)
     if following == FLY and not resolved:
         # a rebound that round-off of the platform's motion could not resolve is none
-        impulse, loss, following = rebound_from(h, struck, h.inelastic, resolved)
+        impulse, loss, following = rebound_from(h, struck, 0.0, resolved)
     if following < 0:
         return
     rebound = run.state[GAP_RATE]
@@ -213,11 +213,11 @@ def apply_impact(h: Automaton) -> None:
 
 
 @compiled
-def rebound_from(h: Automaton, struck: FloatArray, p: Any, resolved: bool) -> tuple[float, float, int]:
+def rebound_from(h: Automaton, struck: FloatArray, restitution: float, resolved: bool) -> tuple[float, float, int]:
     """Move to the state after an impact; its impulse (N·s) and loss (J) and what follows, −1 if nothing can."""
     run = h.run
     after = np.empty(FULL_SIZE)
-    impulse, loss = impact(struck, after, p)
+    impulse, loss = impact(struck, after, restitution, h.p)
     copy(after, run.state)
     forget_starts(h)
     for mode in (ATTACHED, FLIGHT):

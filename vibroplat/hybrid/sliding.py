@@ -42,7 +42,6 @@ from vibroplat.hybrid.state import (
 )
 from vibroplat.hybrid.transitions import ACCUMULATE, FLY, after_impact
 from vibroplat.kernels.compiled import compiled, copy, inlined
-from vibroplat.model.parameters import Parameters
 from vibroplat.model.sliding import NO_REBOUND, Blow, sliding_chatter, sliding_impact
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, GAP_RATE, SENSE, SIZES
 
@@ -247,12 +246,12 @@ def apply_sliding_impact(h: Automaton) -> None:
     run.state[GAP_RATE] = before
     struck, place = run.state.copy(), run.along[0]
     resolved = -before >= run.slowest
-    p = h.inelastic if -before < h.p.sticking_speed else h.p
-    blow, following, mode = sliding_rebound(h, p, resolved)
+    restitution = 0.0 if -before < h.p.sticking_speed else h.p.restitution
+    blow, following, mode = sliding_rebound(h, restitution, resolved)
     if following == FLY and not resolved:
         copy(struck, run.state)
         run.along[0], run.along[1] = place, slip
-        blow, following, mode = sliding_rebound(h, h.inelastic, resolved)
+        blow, following, mode = sliding_rebound(h, 0.0, resolved)
     if following < 0:
         return
     rebound = run.state[GAP_RATE]
@@ -268,10 +267,10 @@ def apply_sliding_impact(h: Automaton) -> None:
 
 
 @compiled
-def sliding_rebound(h: Automaton, p: Parameters, resolved: bool) -> tuple[Blow, int, int]:
+def sliding_rebound(h: Automaton, restitution: float, resolved: bool) -> tuple[Blow, int, int]:
     """Move to the state after an impact; what follows, −1 if nothing can, and the mode of contact."""
     run = h.run
-    blow = sliding_impact(run.state, run.along, p)
+    blow = sliding_impact(run.state, run.along, restitution, h.p)
     forget_starts(h)
     mode = contact_mode(h)
     if mode < 0 or not prepare_consistent_start(h, FLIGHT, DIFFERENTIATED):

@@ -231,7 +231,6 @@ class Automaton(NamedTuple):
     """A run of the hybrid automaton."""
 
     p: Any  # parameters of the scene
-    inelastic: Any  # the same without restitution
     run: Any  # a record of RUN
     recent: FloatArray  # times of the last restarts (s), as many as may lie within a period
     events: npt.NDArray[np.void]  # since the list was read, records of EVENT

@@ -58,7 +58,6 @@ class Group(NamedTuple):
     """Motions side by side, as compiled code knows them: what an automaton has, with an axis of lanes in front."""
 
     p: npt.NDArray[np.void]
-    inelastic: npt.NDArray[np.void]
     runs: npt.NDArray[np.void]
     recent: FloatArray
     events: npt.NDArray[np.void]
@@ -89,13 +88,13 @@ def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep
         arrays = [np.asarray(value)[np.newaxis] for value in values]
         return arrays[0] if width == 1 else np.concatenate(arrays)
 
-    names = ("p", "inelastic", "run", "recent", "events")
-    p, inelastic, runs, recent, events = (joined([getattr(h, name) for h in automata]) for name in names)
+    names = ("p", "run", "recent", "events")
+    p, runs, recent, events = (joined([getattr(h, name) for h in automata]) for name in names)
     steps = [joined(parts) for parts in zip(*(h.steps for h in automata), strict=True)]
     begins, lengths, c, ends, pieces, used = steps
     moves = bool(automata[0].run["systems"][Mode.STICK] >= 0)
     return Group(
-        *(p, inelastic, runs, recent, events),
+        *(p, runs, recent, events),
         *(begins, lengths, c, ends, pieces, used),
         automata[0].start,
         p.ctypes.data,

@@ -67,7 +67,7 @@ def attend(g: Group, lane: int, task: int) -> bool:
     """Do something with the motion in a lane; whether it goes on."""
     steps = Steps(g.begins[lane], g.lengths[lane], g.c[lane], g.ends[lane], g.pieces[lane], g.used[lane])
     address = g.parameters + 8 * lane * g.words.shape[1]
-    h = Automaton(g.p[lane], g.inelastic[lane], g.runs[lane], g.recent[lane], g.events[lane], steps, g.start, address)
+    h = Automaton(g.p[lane], g.runs[lane], g.recent[lane], g.events[lane], steps, g.start, address)
     if task == _BEGIN:
         return begin(h, g, lane)
     if task == _ADD:

@@ -10,8 +10,7 @@ Both act on the full state (14 numbers) and are pure compiled functions. Three l
   layer's momentum.
 
 Real restitution falls with speed. Here it does so in one step: impacts slower than the sticking speed are inelastic.
-For these the callers of :func:`impact` pass parameters without restitution; :func:`chatter_map` ends with the first of
-them.
+For these the callers of :func:`impact` pass a restitution of 0; :func:`chatter_map` ends with the first of them.
 """
 
 from __future__ import annotations
@@ -59,8 +58,10 @@ def kinetic_change(before: FloatArray, after: FloatArray, p: Parameters) -> floa
 
 
 @compiled
-def impact(state: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, float]:
+def impact(state: FloatArray, after: FloatArray, restitution: float, p: Parameters) -> tuple[float, float]:
     """Let the lower layer strike the platform: ẏ_w1⁺ = −R ẏ_w1⁻, from a full state to ``after``, with a gap of 0.
+
+    The restitution R is an argument, as slow impacts have none whatever the parameters say.
 
     Returns
     -------
@@ -71,10 +72,10 @@ def impact(state: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, 
     response = np.empty(7, after.dtype)
     reduced = impulse_response(state, response, p)
     approach = state[GAP_RATE]
-    impulse = -(1.0 + p.restitution) * approach * reduced
+    impulse = -(1.0 + restitution) * approach * reduced
     for i in range(7):
         after[i], after[7 + i] = state[i], state[7 + i] + impulse * response[i]
-    after[GAP_RATE] = -p.restitution * approach
+    after[GAP_RATE] = -restitution * approach
     after[GAP] = 0.0
     return impulse, -kinetic_change(state, after, p)
 

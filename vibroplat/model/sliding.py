@@ -290,13 +290,13 @@ def strike(rates: FloatArray, restitution: float, r: Response, p: Parameters) ->
 
 
 @compiled
-def sliding_impact(state: FloatArray, along: FloatArray, p: Parameters) -> Blow:
+def sliding_impact(state: FloatArray, along: FloatArray, restitution: float, p: Parameters) -> Blow:
     """Let the lower layer strike the platform in a full state and (s, ṡ), which are changed; the gap is then 0."""
     rates = np.empty(8)
     for i in range(7):
         rates[i] = state[7 + i]
     rates[7] = along[1]
-    blow = strike(rates, p.restitution, impact_response(state, p), p)
+    blow = strike(rates, restitution, impact_response(state, p), p)
     for i in range(7):
         state[7 + i] = rates[i]
     state[GAP], along[1] = 0.0, rates[7]

@@ -83,7 +83,7 @@ class Simulator:
     events
         Events so far.
     held_parameters
-        The records of parameters of all who hold them, as numbers: that which was given, and two of the automaton.
+        The records of parameters of all who hold them, as numbers: that which was given, and the automaton's.
     """
 
     def __init__(
@@ -111,11 +111,7 @@ class Simulator:
         self.beginning = record_words(self.automaton.run).copy().view(self._run.dtype)[0]  # numpy copies words faster
         # several times as quick to reach as the fields of a record
         self._field = {name: self._run[name] for name in ("now", "outcome", "mode", "events", "unread", "systems")}
-        self.held_parameters = (
-            record_words(p),
-            record_words(self.automaton.p),
-            record_words(self.automaton.inelastic),
-        )
+        self.held_parameters = record_words(p), record_words(self.automaton.p)
         self._first_mode(self.automaton)
         if mode is Mode.FLIGHT and self._field["mode"][0] != mode:  # it has just lifted off: gap and its rate are 0
             self._run["mode"], self._run["zeros"] = mode, 2
@@ -127,7 +123,6 @@ class Simulator:
         """Change the parameters for all who hold them: of another scene of the same modes, with the same tolerances."""
         for held in self.held_parameters:
             held[:] = record_words(p)
-        self.automaton.inelastic["restitution"] = 0.0
 
     def take(self, scene: Scene, p: Parameters) -> None:
         """Go over to another scene of the same systems, tolerance and engine, whose drive has no program.
@@ -171,7 +166,7 @@ class Simulator:
     def _change_supply(self) -> None:
         """Change the supply of the motors to that of the present, for all who hold the parameters."""
         self._interval = interval_at(self._intervals, self.now)
-        for p in (self._p, self.automaton.p, self.automaton.inelastic):
+        for p in (self._p, self.automaton.p):
             supply(p, self.scene, self._interval)
 
     def advance(

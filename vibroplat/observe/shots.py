@@ -118,7 +118,7 @@ class ShotRecords(NamedTuple):
     values: FloatArray
     held: FloatArray
     course: Course
-    parameters: tuple[FloatArray, FloatArray, FloatArray]
+    parameters: tuple[FloatArray, FloatArray]
 
 
 def shot_records(
@@ -130,7 +130,7 @@ def shot_records(
     statistics: Statistics,
     measured: FloatArray,
     course: Course,
-    parameters: tuple[FloatArray, FloatArray, FloatArray],
+    parameters: tuple[FloatArray, FloatArray],
 ) -> ShotRecords:
     """Gather what shots need of a motion that always has the same ``beginning``, a record of RUN, and its observers.
 
@@ -229,7 +229,6 @@ def set_parameters(k: ShotRecords, value: float) -> bool:
         return False
     for held in k.parameters:
         copy(k.course.words, held)
-    k.h.inelastic.restitution = 0.0
     k.held[0] = value
     return True
 

@@ -64,9 +64,9 @@ class VariationalState(NamedTuple):
     step
         First and longest step of the collocation in a piece (s), shape (2,).
     perturbed_parameters
-        Parameters p + ih dp, shape (2, 1 + keys): the first column is without dp, the second row without restitution.
+        Parameters p + ih dp, shape (1 + keys,): the first is without dp.
     numbers, directions
-        Their numbers, shape (2, 1 + keys, n), and dp, shape (1 + keys, n).
+        Their numbers, shape (1 + keys, n), and dp, shape (1 + keys, n).
     methods
         One for each entry of POINTS.
     rough
@@ -111,7 +111,7 @@ class Variation:
 
     def __init__(self, directions: Sequence[Parameters] = (), *, rough: bool = False) -> None:
         self._follow, self._arrive, self._perturb = quick_call(follow), quick_call(arrive), quick_call(perturb)
-        perturbed = np.zeros((2, 1 + len(directions)), COMPLEX)
+        perturbed = np.zeros(1 + len(directions), COMPLEX)
         numbers = flat(perturbed)
         self._columns = FULL_SIZE + len(directions)
         columns = whole_lanes(self._columns)
@@ -123,7 +123,7 @@ class Variation:
             step=np.ones(2),
             perturbed_parameters=perturbed,
             numbers=numbers,
-            directions=np.zeros(numbers.shape[1:]),
+            directions=np.zeros(numbers.shape),
             methods=METHODS,
             rough=np.array([int(rough)]),
             y=np.zeros(FULL_SIZE),
@@ -182,12 +182,10 @@ def perturb(h: Automaton, v: VariationalState) -> None:
     p, width = carray(pointer(h.parameters), (v.directions.shape[1],)), v.directions.shape[1]
     v.step[0], v.step[1] = steps_of(h.p, h.run.period)
     for k in range(v.directions.shape[0]):
-        for row in range(2):
-            for j in range(width):
-                v.numbers[row, k, j] = p[j] + 1j * IMAGINARY * v.directions[k, j]
-            v.perturbed_parameters[row, k].safe_rotation = h.p.safe_rotation
-            v.perturbed_parameters[row, k].impact_law = h.p.impact_law
-        v.perturbed_parameters[1, k].restitution = 0.0
+        for j in range(width):
+            v.numbers[k, j] = p[j] + 1j * IMAGINARY * v.directions[k, j]
+        v.perturbed_parameters[k].safe_rotation = h.p.safe_rotation
+        v.perturbed_parameters[k].impact_law = h.p.impact_law
 
 
 @inlined
@@ -336,10 +334,10 @@ def differentiate(system: int, t: float, point: int, p: Parameters, v: Variation
     n = size // 2
     y, yp, e = v.y[:size], v.yp[:size], v.equations
     linearize(system, t, y, yp, e.jac[point], e.mass[point], p)
-    if v.perturbed_parameters.shape[1] == 1:
+    if v.perturbed_parameters.size == 1:
         return
-    for k in range(v.perturbed_parameters.shape[1] - 1):
-        rows(system, t, y, yp, v.residual, v.perturbed_parameters[0, k + 1])
+    for k in range(v.perturbed_parameters.size - 1):
+        rows(system, t, y, yp, v.residual, v.perturbed_parameters[k + 1])
         for r in range(n):
             e.forced[point, r, k] = -v.residual[n + r].imag / IMAGINARY
         if ALGEBRAIC[system]:
@@ -377,9 +375,9 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
     rates[GAP] = event.rate_before
     before: Any = np.empty(FULL_SIZE, np.complex128)
     after: Any = np.empty(FULL_SIZE, np.complex128)
-    law = 1 if -event.rate_before < p.sticking_speed or (event.rate_after == 0.0 and p.restitution > 0.0) else 0
+    sticks = -event.rate_before < p.sticking_speed or (event.rate_after == 0.0 and p.restitution > 0.0)
     v.at_event[0] = 1
-    for j in range(FULL_SIZE + v.perturbed_parameters.shape[1] - 1):
+    for j in range(FULL_SIZE + v.perturbed_parameters.size - 1):
         if j < FULL_SIZE and is_zero(v.s, j):
             v.event_time_derivative[j] = 0.0
             continue
@@ -388,10 +386,12 @@ def through_impact(steps: Steps, piece: Any, event: Any, slowest: float, p: Para
         for i in range(FULL_SIZE):
             before[i] = state[i] + 1j * IMAGINARY * (v.s[i, j] + rates[i] * delay)
         before[GAP] = 0.0
-        impact(before, after, v.perturbed_parameters[law, max(j - FULL_SIZE + 1, 0)])
+        perturbed = v.perturbed_parameters[max(j - FULL_SIZE + 1, 0)]
+        restitution = 0.0 * perturbed.restitution if sticks else perturbed.restitution
+        impact(before, after, restitution, perturbed)
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY
-    if law == 0 and event.rate_after == 0.0 and attached:
+    if not sticks and event.rate_after == 0.0 and attached:
         # what a restitution beside 0 would add to an inelastic impact: impacts that accumulate at once
         for i in range(FULL_SIZE):
             state[i] = after[i].real
@@ -429,7 +429,7 @@ def differentiate_chatter(
     after: Any = np.empty(FULL_SIZE, np.complex128)
     perturbed: Any = np.empty(FULL_SIZE // 2, np.complex128)
     change = np.zeros(FULL_SIZE)
-    for j in range(first, FULL_SIZE + v.perturbed_parameters.shape[1] - 1):
+    for j in range(first, FULL_SIZE + v.perturbed_parameters.size - 1):
         if j < FULL_SIZE and is_zero(v.s, j):
             continue
         for i in range(n):
@@ -438,7 +438,7 @@ def differentiate_chatter(
             moved[i] = state[i] + 1j * IMAGINARY * v.s[i, j]
         for i in range(FULL_SIZE // 2):
             perturbed[i] = rates[7 + i] + 1j * IMAGINARY * change[7 + i]
-        duration, _, _ = chatter_map(moved, perturbed, after, v.perturbed_parameters[0, max(j - FULL_SIZE + 1, 0)])
+        duration, _, _ = chatter_map(moved, perturbed, after, v.perturbed_parameters[max(j - FULL_SIZE + 1, 0)])
         v.event_time_derivative[j] += duration.imag / IMAGINARY
         for i in range(FULL_SIZE):
             v.s[i, j] = after[i].imag / IMAGINARY
