@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.integrate import DOP853
 
-from vibroplat.integrate.interface import WORK, IntegrationError
+from integrate.stepwise import IntegrationError
+from vibroplat.integrate.interface import WORK
 from vibroplat.model.accelerations import explicit
 
 #: Powers of s in the terms of its dense output: s, s(1 − s), s²(1 − s), … s⁴(1 − s)³.

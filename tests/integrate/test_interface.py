@@ -8,11 +8,10 @@ from common.places import QUICKSTART, ROOT
 from common.references import load_reference
 
 from integrate.dop853 import Dop853
+from integrate.stepwise import IntegrationError, Stepwise
 from vibroplat import load_config, simulate
 from vibroplat.bench.measure import coordinate_errors, event_errors
 from vibroplat.config.reader import load_tree
-from vibroplat.integrate.interface import IntegrationError
-from vibroplat.integrate.stepwise import Stepwise
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 
@@ -88,7 +87,7 @@ class Stuck(Dop853):
     ],
 )
 def test_failures_are_outcomes(bouncing, monkeypatch, integrator, outcome, detail):
-    monkeypatch.setattr("vibroplat.integrate.stepwise.MAX_STEPS", 50)
+    monkeypatch.setattr("integrate.stepwise.MAX_STEPS", 50)
     found = run(bouncing.replace({"material.mass_ratio": 0.0}), integrator)
     assert found.outcome == outcome
     assert found.summary["detail"].startswith(detail)

@@ -1,4 +1,4 @@
-"""Polynomials of steps: guards' falls against numpy's roots, extremes, crossings, fits."""
+"""Polynomials of steps: guards' falls against numpy's roots, extremes, crossings."""
 
 from fractions import Fraction
 from itertools import product
@@ -11,8 +11,6 @@ from vibroplat.kernels.polynomial import (
     MAX_DEGREE,
     crossing,
     first_downcrossing,
-    fit,
-    fit_column,
     stretch,
     value,
     value_range,
@@ -182,15 +180,3 @@ def test_stretched_step_is_the_same_motion():
     stretch(longer, 7, 1.5)
     for j in range(3):
         assert value(longer, 7, j, 0.4) == pytest.approx(end[j], rel=1e-13)
-
-
-def test_fit_has_the_accuracy_of_its_values():
-    for degree in (1, 3, 8, 16, 24):
-        how, s = fit(degree), np.linspace(0.0, 1.0, 101)
-        c = np.random.default_rng(degree).normal(size=degree + 1) * 0.3 ** np.arange(degree + 1)
-        true = np.polynomial.Polynomial(c)
-        assert how.nodes[[0, -1]].tolist() == [0.0, 1.0]
-        found = np.zeros((degree + 1, 2))
-        fit_column(how, true(how.nodes), found, 1)
-        assert (found[:, 0] == 0.0).all()
-        assert np.abs(np.polynomial.Polynomial(found[:, 1])(s) - true(s)).max() < 1e-14 * np.abs(c).sum() * degree

@@ -1,8 +1,7 @@
 """Integrators behind one interface, :mod:`~vibroplat.integrate.interface`, and which of them runs a scene.
 
 ``native`` drives IDA from compiled code, ``sundae`` through scikit-sundae; both use
-:mod:`~vibroplat.integrate.multistep`. ``taylor`` is the Taylor series of the model. Any other integrator becomes an
-engine by :mod:`~vibroplat.integrate.stepwise`.
+:mod:`~vibroplat.integrate.multistep`. ``taylor`` is the Taylor series of the model.
 """
 
 from __future__ import annotations

@@ -4,11 +4,10 @@ An *engine* drives the automaton of :mod:`vibroplat.hybrid`: for each segment it
 from the consistent state prepared there until the guard falls through zero or the segment's time is up, adds its steps,
 each with a polynomial, to ``h.steps``, and calls ``end_segment``. Whoever reads the steps knows no method.
 
-To add an integrator, implement :class:`Integrator`, some fifty lines for a library's own, as
-``tests/integrate/dop853.py`` does for scipy's. :class:`vibroplat.integrate.stepwise.Stepwise` makes an engine of it,
-which ``simulate(scene, engine=…)`` runs. One that users may choose has a line in :mod:`vibroplat.kernels.engines`.
-Engines with a compiled loop of their own,
-as ``native``, save a return to Python in each step.
+``simulate(scene, engine=…)`` runs any :class:`Engine`. The tests make one of scipy's DOP853, in
+``tests/integrate/stepwise.py`` and ``dop853.py``. One that users may choose has a line in
+:mod:`vibroplat.kernels.engines`. Engines with a compiled loop of their own, as ``native``, save a return to Python in
+each step.
 """
 
 from __future__ import annotations
@@ -18,8 +17,7 @@ from typing import Protocol
 
 from vibroplat.columns import COUNT, Column, Columns
 from vibroplat.hybrid.state import Automaton
-from vibroplat.kernels.compiled import Callee, FloatArray
-from vibroplat.model.systems import System
+from vibroplat.kernels.compiled import Callee
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {
@@ -29,57 +27,6 @@ WORK: Columns = {
     "error_test_failures": Column("number of steps repeated because of their error"),
     "newton_failures": Column("number of steps repeated because Newton's iteration failed"),
 }
-
-
-class IntegrationError(ArithmeticError):
-    """An integrator could not take a step; the message says why."""
-
-
-class Integrator(Protocol):
-    """What takes the steps of a scene's systems."""
-
-    name: str  # for the summary
-    degree: int  # of the polynomials of its steps
-
-    @property
-    def work(self) -> Mapping[str, int | None]:
-        """How much was done so far, by the names in :data:`WORK`; None for what is not counted."""
-        ...
-
-    def start(self, system: System, t: float, y: FloatArray, atol: FloatArray) -> None:
-        """Begin a segment.
-
-        Parameters
-        ----------
-        system
-            Its equations.
-        t
-            Time of the run (s).
-        y, atol
-            Differential unknowns and their absolute tolerances, shape (2n,).
-        """
-        ...
-
-    def steps(self, longest: float) -> tuple[FloatArray, FloatArray]:
-        """Take a step, or some at once.
-
-        Parameters
-        ----------
-        longest
-            What is left of the segment (s); steps may go beyond, and beyond the guard's fall.
-
-        Returns
-        -------
-        lengths, coefficients
-            Durations (s), shape (m,), and coefficients of the differential unknowns in powers of the fraction of a
-            step, shape (m, degree + 1, 2n). F_c follows from them by the algebra.
-
-        Raises
-        ------
-        IntegrationError
-            No step can be taken.
-        """
-        ...
 
 
 class Engine(Protocol):

@@ -7,7 +7,6 @@ A step's polynomial is Σ cₖ sᵏ in its fraction s ∈ [0, 1]. Coefficients o
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -328,41 +327,3 @@ def crossing(c: FloatArray, degree: int, j: int, level: float, end: float) -> fl
             return min(max(following, 0.0), 1.0)
         s = following if low < following < high else 0.5 * (low + high)
     return s
-
-
-class Fit(NamedTuple):
-    """How polynomials are found from their values at nodes, by way of Chebyshev's polynomials.
-
-    Chebyshev's coefficients are as accurate as the values; the powers' coefficients of high degree hardly have a right
-    digit each, but belong together.
-    """
-
-    nodes: FloatArray  # fractions of a step at which values are wanted, from 0 to 1
-    chebyshev: FloatArray  # turns values into the coefficients of Chebyshev's polynomials in 2s − 1; a square matrix
-    powers: FloatArray  # turns these into coefficients of powers of s, by whole numbers; a square matrix
-
-
-def fit(degree: int) -> Fit:
-    """Prepare the fit of polynomials of a degree."""
-    angles = np.pi * np.arange(degree, -1, -1) / degree
-    powers = np.zeros((degree + 1, degree + 1))
-    powers[0, 0], powers[:2, 1] = 1.0, (-1.0, 2.0)
-    for k in range(2, degree + 1):  # T(k) = 2 (2s − 1) T(k − 1) − T(k − 2)
-        powers[1:, k] = 4.0 * powers[:-1, k - 1]
-        powers[:, k] -= 2.0 * powers[:, k - 1] + powers[:, k - 2]
-    chebyshev = np.linalg.inv(np.cos(np.outer(angles, np.arange(degree + 1))))
-    return Fit(0.5 + 0.5 * np.cos(angles), chebyshev, powers)
-
-
-@compiled
-def fit_column(fit: Fit, values: FloatArray, c: FloatArray, j: int) -> None:
-    """Let unknown j be the polynomial with the given values at the nodes."""
-    n = values.size
-    for k in range(n):
-        c[k, j] = 0.0
-    for i in range(n):
-        coefficient = 0.0
-        for k in range(n):
-            coefficient += fit.chebyshev[i, k] * values[k]
-        for k in range(i + 1):
-            c[k, j] += fit.powers[k, i] * coefficient
