@@ -5,6 +5,8 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import pytest
 from numba import types
+from numba.core import boxing
+from numba.core.pythonapi import _unboxers
 
 from vibroplat.kernels.compiled import (
     NOWHERE,
@@ -43,6 +45,10 @@ def test_records_are_read_and_changed_in_place() -> None:
     sums = [raise_count(Held(record, np.array([100.0]))) for record in (many[0], many[3], many.view(np.recarray)[2])]
     assert sums == [111.0, 114.0, 113.0]
     assert many["count"].tolist() == [1, 0, 1, 1]
+
+
+def test_kernels_of_others_read_records_in_the_way_of_numba() -> None:
+    assert _unboxers.functions[types.Record] is boxing.unbox_record
 
 
 @compiled

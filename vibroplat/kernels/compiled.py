@@ -19,7 +19,6 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
 import numba
-import numba.core.boxing  # registers numba's own ways
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
@@ -27,7 +26,6 @@ from numba import types
 from numba.core import cgutils
 from numba.core.ccallback import CFunc
 from numba.core.compiler import Compiler
-from numba.core.pythonapi import NativeValue, _unboxers
 from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
@@ -47,28 +45,6 @@ FloatArray = npt.NDArray[np.float64]
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-#: Place of the pointer to its data in numpy's object of a record, PyVoidScalarObject: behind head and size.
-_DATA = object.__basicsize__ + 8
-
-
-def _unboxed(kind: Any, record: Any, c: Any) -> Any:
-    """Find the data of a record that comes from Python; numba asks for it by name, which takes 6 µs a record."""
-    place = c.builder.ptrtoint(record, ir.IntType(64))
-    place = c.builder.add(place, ir.Constant(ir.IntType(64), _DATA))
-    return NativeValue(c.builder.load(c.builder.inttoptr(place, c.context.get_value_type(kind).as_pointer())))
-
-
-def _records_are_as_expected() -> bool:
-    """Whether the data of numpy's records are where the kernels look for them."""
-    array = np.zeros(1, [("number", float)])
-    record = array[0]
-    return bool(ctypes.c_void_p.from_address(id(record) + _DATA).value == array.ctypes.data)
-
-
-if _records_are_as_expected():  # otherwise numba's own way stays
-    _unboxers.functions[types.Record] = _unboxed
 
 
 #: Division by zero gives inf or nan, as in C, instead of an exception; no kernel is called through a C wrapper.
