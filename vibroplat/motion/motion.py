@@ -22,7 +22,7 @@ from vibroplat.kernels.compiled import FloatArray, quick_call
 from vibroplat.model.parameters import Parameters, record_words, supply
 from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
-from vibroplat.observe.section import ON_SECTION
+from vibroplat.observe.section import ON_SECTION, section_angle
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.summary import Energies, MeasuredInterval
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
@@ -300,8 +300,7 @@ class Simulator:
             Whether it got there.
         """
         run = self.automaton.run
-        passed = math.floor((run["state"][3] + run["turns"][0]) / TURN + ON_SECTION)
-        run["target"] = target = TURN * (passed + turns)
+        run["target"] = target = section_angle(float(run["state"][3] + run["turns"][0]), turns)
         self.to_time(self.now + longest, observers)
         run["target"] = math.nan
         return self.outcome == "ok" and self.state[3] > target - TURN * ON_SECTION

@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from vibroplat.config.coordinates import TURN
 from vibroplat.hybrid.state import OK, RUNNING
 from vibroplat.integrate.group import Group
 from vibroplat.integrate.lockstep import FIRST, attend, run_lanes
 from vibroplat.kernels.compiled import FloatArray, borrow, compiled, copy, inlined, wide
-from vibroplat.observe.section import ON_SECTION, ellipsoid_of, form_of
+from vibroplat.observe.section import ellipsoid_of, form_of, section_angle
 
 # Decisions on a motion: it continues; it is assigned to an ellipsoid; an orbit is to be searched for; it has not
 # converged; it has ended early.
@@ -70,8 +69,7 @@ class Limits(NamedTuple):
 @inlined
 def go_on(run: Any, turns: int, longest: float) -> int:
     """Let a motion stop after a number of turns, or after a time."""
-    passed = math.floor((run.state[3] + run.turns[0]) / TURN + ON_SECTION)
-    run.target, run.end, run.outcome = TURN * (passed + turns), run.now + longest, RUNNING
+    run.target, run.end, run.outcome = section_angle(run.state[3] + run.turns[0], turns), run.now + longest, RUNNING
     return GO_ON
 
 

@@ -24,6 +24,12 @@ MAX_PERIOD = 16
 REPEAT_DISTANCE, EQUAL_DISTANCE, DISTANCE_RATIO = 1e-3, 1e-5, 30.0
 
 
+@compiled
+def section_angle(angle: float, turns: int) -> float:
+    """Angle of exciter 1 (rad) at the point of the Poincaré section that is so many turns ahead of the last one."""
+    return TURN * (math.floor(angle / TURN + ON_SECTION) + turns)
+
+
 def section_rows(ms: Accumulators) -> npt.NDArray[np.void]:
     """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
     turns, room = int(ms.marks["turns"]), ms.section.size

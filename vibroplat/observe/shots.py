@@ -35,7 +35,7 @@ from vibroplat.model.sensitivity import Course, go_along
 from vibroplat.model.systems import FULL_SIZE, GAP
 from vibroplat.observe.guard_margins import update_minima
 from vibroplat.observe.measures import Accumulators
-from vibroplat.observe.section import ON_SECTION, offset_of
+from vibroplat.observe.section import ON_SECTION, offset_of, section_angle
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow, perturb
 
@@ -347,8 +347,7 @@ def to_section(k: ShotRecords, turns: int, longest: float) -> bool:
     See :meth:`vibroplat.motion.motion.Simulator.to_section`.
     """
     run = k.h.run
-    passed = math.floor((run.state[3] + run.turns[0]) / TURN + ON_SECTION)
-    run.target = target = TURN * (passed + turns)
+    run.target = target = section_angle(run.state[3] + run.turns[0], turns)
     run.end, run.outcome, run.unread = run.now + longest, RUNNING, 1
     while run.outcome == RUNNING and advance(k):
         run.events = 0
