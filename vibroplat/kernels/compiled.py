@@ -15,7 +15,7 @@ import ctypes
 import hashlib
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from functools import cache, cached_property
+from functools import cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
@@ -128,7 +128,7 @@ class Kernel(_Dispatcher):
         self._options = OPTIONS | {"fastmath": {"contract"} if fused else False}
         super().__init__(function, targetoptions=self._options)
         self._inline = inline
-        self.overload_of: dict[Any, Any] = {}  # by the kinds of arguments, for calls from Python and by address
+        self.overload_of: dict[Any, _Overload] = {}  # by the kinds of arguments, for calls from Python and by address
         self.enable_caching()
 
     @cached_property
@@ -209,14 +209,28 @@ def _kind(argument: Any) -> Any:
     return type(argument)
 
 
-def _overload(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+class _Overload:
+    """What a kernel is compiled to for one list of types."""
+
+    def __init__(self, result: Any) -> None:
+        self._result = result
+        self.entry_point = result.entry_point
+
+    @cached_property
+    def address(self) -> Address:
+        """Where it is, for compiled callers."""
+        place = self._result.library.get_pointer_to_function(self._result.fndesc.llvm_func_name)
+        return Address(int(place), _key(self._result.signature.args))
+
+
+def _overload(kernel: Any, arguments: tuple[Any, ...]) -> _Overload:
     """Return what a kernel is compiled to for arguments of exactly these types; compile it if it is not yet."""
     key = tuple(map(_kind, arguments))
-    found = kernel.overload_of.get(key)
+    found: _Overload | None = kernel.overload_of.get(key)
     if found is None:
         kinds = tuple(numba.typeof(argument) for argument in arguments)
         kernel.compile(kinds)
-        found = kernel.overload_of[key] = kernel.overloads[kinds]
+        found = kernel.overload_of[key] = _Overload(kernel.overloads[kinds])
     return found
 
 
@@ -240,8 +254,14 @@ def quick_call(kernel: Callable[P, T]) -> Callable[P, T]:
 
 
 def _is_other_kind(argument: Any, known: Any) -> bool:
-    """Whether an argument is not the known object, nor of its type."""
-    return argument is not known and _kind(argument) != _kind(known)
+    """Whether an argument has another type than a known one; parts that are the same objects are not looked at."""
+    if argument is known:
+        return False
+    if type(argument) is not type(known):
+        return True
+    if isinstance(argument, tuple):
+        return len(argument) != len(known) or any(map(_is_other_kind, argument, known))
+    return bool(_kind(argument) != _kind(known))
 
 
 class Address(NamedTuple):
@@ -266,13 +286,7 @@ class Callee(NamedTuple):
 
 def address_of(kernel: Callable[..., None], *arguments: Any) -> Address:
     """Return where a kernel is, for :func:`call_kernel` with arguments of the types of these."""
-    found = _overload(kernel, arguments)
-    return Address(_address(found.library, found.fndesc.llvm_func_name), _key(found.signature.args))
-
-
-@cache
-def _address(library: Any, name: str) -> int:
-    return int(library.get_pointer_to_function(name))
+    return _overload(kernel, arguments).address
 
 
 def _key(kinds: Iterable[Any]) -> int:
@@ -352,9 +366,7 @@ def _call_kernel(typing_context: Any, place: Any, arguments: Any) -> Any:
         function = convention.get_function_type(types.none, kinds).as_pointer()
         address, key = cgutils.unpack_tuple(builder, values[0])
         with cgutils.if_unlikely(builder, builder.icmp_unsigned("!=", key, key.type(_key(kinds)))):
-            convention.return_user_exc(
-                builder, TypeError, (OTHER_TYPES,)
-            )
+            convention.return_user_exc(builder, TypeError, (OTHER_TYPES,))
         passed = cgutils.unpack_tuple(builder, values[1])
         status, _ = convention.call_function(builder, builder.inttoptr(address, function), types.none, kinds, passed)
         with cgutils.if_unlikely(builder, status.is_error):
