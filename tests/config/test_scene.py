@@ -142,8 +142,9 @@ def test_phase_difference_of_counter_rotating_exciters_is_a_sum():
         ({"phase_difference_rad": 0.3, "phi1_rad": 0.1}, (0.1, 0.2)),
         ({}, (0.0, math.pi)),
         ({"speed_ratio": 0.0, "phi1_rad": 0.0}, (0.0, math.pi)),
+        ({"speed_ratio": 0.0}, (-1.5, -1.5)),
     ):
-        assert Scene(run={"initial": initial}).run.initial.angles(1.0) == pytest.approx(angles)
+        assert Scene(run={"initial": initial}).run.initial.angles(1.0, -1.5) == pytest.approx(angles)
 
 
 def test_nothing_disturbs_a_machine_whose_motors_are_off_during_the_run():

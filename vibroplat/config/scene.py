@@ -137,6 +137,11 @@ class Scene(Section):
         return (g * math.sin(angle), g * math.cos(angle)) if angle else (0.0, g)
 
     @property
+    def hanging_angle(self) -> float:
+        """Angle of an unbalance that hangs straight down (rad), to the x axis, which declines with the deck."""
+        return -0.5 * math.pi + (0.0 if self.transport is None else self.transport.angle)
+
+    @property
     def coordinates(self) -> tuple[int, ...]:
         """Indices into :data:`COORDINATES` of the coordinates of this scene."""
         return (0, 1, 2, 3, 4, 5, 6)[: 5 + self.layers]
