@@ -29,8 +29,8 @@ UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
 MIN_DAMPING_RATIO, MAX_REMAINDER = 0.005, 0.01
-#: Minimum number of samples of a turn in a trajectory.
-MIN_SAMPLES_PER_TURN = 20.0
+#: Minimum number of samples of a turn in a trajectory, and the number that a spectrum needs more of.
+MIN_SAMPLES_PER_TURN, MIN_SAMPLES_OF_SPECTRUM = 20.0, 2.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
@@ -244,7 +244,10 @@ def _coarse(scene: Scene) -> str:
     each = TURN * rate / scene.speed_scale
     if each >= MIN_SAMPLES_PER_TURN:
         return ""
-    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes"
+    spectrum = " and give no spectrum" * (each <= MIN_SAMPLES_OF_SPECTRUM and scene.output.accelerations)
+    return (
+        f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes{spectrum}"
+    )
 
 
 def _replaced(scene: Scene) -> str:
