@@ -12,7 +12,7 @@ from vibroplat.config.digits import quantity, spread
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, by_severity
 from vibroplat.plots.command import FIGURE_NAMES
-from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both
+from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both, short_line
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
 from vibroplat.study.sweep import notes_on_points
@@ -244,6 +244,13 @@ def test_static_forces_are_the_weight_along_both_axes(runs):
     along = next(line for line in lines if line.startswith("foundation, x"))
     assert " ± 3.0 N  " in along
     assert "  along the deck; largest " in along
+
+
+@pytest.mark.parametrize("label", ["at tip", "spring at corner_fl_1", f"at {'front_left_corner_' * 2}"])
+@pytest.mark.parametrize("value", ["3.51 ± 0.32 kN", "stroke y 10.23456789 ± 0.12 mm"])
+def test_labels_of_any_length_and_values_stand_apart(label, value):
+    parts = [part.strip() for part in short_line(label, value, "static").split("  ")]
+    assert [*filter(None, parts)] == [label, value, "static"]
 
 
 def test_times_count_from_when_motors_were_switched(runs):
