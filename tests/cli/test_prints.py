@@ -253,6 +253,14 @@ def test_labels_of_any_length_and_values_stand_apart(label, value):
     assert [*filter(None, parts)] == [label, value, "static"]
 
 
+def test_a_run_that_continues_is_told_no_start(runs):
+    """It is in step from its beginning, or comes so after a time that counts from there."""
+    run = runs["two layers"]
+    for at, told in ((6.12, []), (7.0, ["in", "step", "0.880", "s", "after"])):
+        lines = short_lines(Sheet(run.scene, run.summary | {"begins_s": 6.12, "synchronized_at_s": at}))
+        assert [line.split()[:5] for line in lines if line.startswith(("start", "in step"))] == [told][: len(told)]
+
+
 def test_times_count_from_when_motors_were_switched(runs):
     """A failure has times of its own; what was largest before it is of the start."""
     run = runs["two layers"]

@@ -354,20 +354,24 @@ class Sheet:
         if speeds and name == "none":
             pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
         at, work, moved = s["synchronized_at_s"], self._text("start_energy_j"), s["stroke_change"] or 0.0
+        begins = s["begins_s"] or 0.0
+        passed, steadied = (None if time is None else time - begins for time in (at, self.steady))
         since, steady = (
             "" if time is None else f"after {quantity(time, 's', digits=2)}" if time else "from the start"
-            for time in (at, self.steady)
+            for time in (passed, steadied)
         )
-        switched = self._since(at) if at else ""
-        in_step = Row("in step", switched or since, f"motor work {work}" * bool(at and not switched))
-        started = ("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
+        switched = self._since(at) if passed else ""
+        in_step = Row("in step", switched or since, f"motor work {work}" * bool(passed and not switched))
+        started = ("start", quantity(passed, "s"), f"until synchronized, {work} of motor work")
+        if begins:
+            started = ("in step", quantity(passed, "s"), f"after it began, {work} of motor work")
         if switched:
             seconds, after, switch = switched.partition(AFTER)
             started = ("in step again", seconds, f"{after.strip()} {switch}")
         return [
             Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
             pace,
-            in_step if s["captured_by"] or not at else in_step._replace(short=started),
+            in_step if s["captured_by"] or not passed else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),
             Row("motion repeats", _repeats(s["period"]), f"strokes change by {percent(moved)}" * (moved > SETTLED)),
         ]
