@@ -67,6 +67,16 @@ UNUSUAL = [
         ],
     ),
     (
+        {
+            "drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}],
+            "run.duration_s": 1.5,
+        },
+        [
+            "drive.program.1.t_s = 2: the run ends before, at 1.5 s, and does not get there; times are in seconds, and "
+            "a longer run.duration_s helps"
+        ],
+    ),
+    (
         {"exciters": [MOTOR | {"rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r} for r in (10.0, 0.03)]},
         [
             f"{MASSES}, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = 10, "

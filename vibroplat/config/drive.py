@@ -172,6 +172,14 @@ class Drive(Section):
                 parts += _split_interval(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
         return tuple(parts)
 
+    def until(self, time: float) -> Drive:
+        """Return the supply by a program that stays as it is just before a time (s); itself, if that is 0 Hz always."""
+        before = [entry for entry in self.program or () if entry.t_s < time]
+        frequency = [supply for supply in self.intervals if supply.start < time][-1].frequency_at(time)
+        last = Entry(t_s=time, supply_frequency_hz=frequency if frequency >= MIN_FREQUENCY else 0.0)
+        entries = [*before, last]
+        return Drive(program=entries) if any(entry.supply_frequency_hz for entry in entries) else self
+
     def last_change(self, time: float) -> float:
         """When the supply last changes before a time (s); the end of the ramp if it is changing then. -inf: never."""
         supplies = [supply for supply in self.intervals if supply.start < time]

@@ -70,11 +70,16 @@ class UsualRange(NamedTuple):
     text: str = ""
 
 
-def notes_on_input(scene: Scene, *, of_run: bool = True) -> list[str]:
-    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default."""
+def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = None) -> list[str]:
+    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default.
+
+    Of a run that continues another one, it must be known when it ``ends`` (s).
+    """
     notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene) if of_run else ""]
     notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene)]
-    notes += [_coarse(scene) if of_run else ""]
+    if ends is None:
+        ends = math.inf if scene.run.initial.from_ is not None else scene.run.duration_s
+    notes += [_unreached(scene, ends), _coarse(scene)] if of_run else []
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in notes if note]
@@ -235,6 +240,20 @@ def _weakly_damped(scene: Scene) -> str:
     return (
         f"{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be 1 % of "
         "critical damping"
+    )
+
+
+def _unreached(scene: Scene, ends: float) -> str:
+    """Return the note on entries of a program that a run does not reach which ends at a time (s), or an empty text."""
+    entries = enumerate(scene.drive.program or ())
+    late = [f"drive.program.{n}.t_s = {given(entry.t_s)}" for n, entry in entries if entry.t_s > ends]
+    if not late:
+        return ""
+    names = ", ".join(late[:MAX_NAMED])
+    more = f" and {len(late) - MAX_NAMED} more" * (len(late) > MAX_NAMED)
+    return (
+        f"{names}{more}: the run ends before, at {given(ends)} s, and does not get there; times are in seconds, and a "
+        "longer run.duration_s helps"
     )
 
 

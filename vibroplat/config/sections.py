@@ -360,8 +360,8 @@ class State(Section):
         None, "y", "displacement of the machine's centre of mass along y, from unstressed springs"
     )
     phi_rad: Real | None = described(None, "phi", "rotation of the platform")
-    phi1_rad: Angle | None = described(None, "phi_1", "angle of exciter 1, counter-clockwise; default: 0")
-    phi2_rad: Angle | None = described(None, "phi_2", "angle of exciter 2, counter-clockwise; default: 0")
+    phi1_rad: Angle | None = described(None, "phi_1", "angle of exciter 1, counter-clockwise")
+    phi2_rad: Angle | None = described(None, "phi_2", "angle of exciter 2, counter-clockwise")
     gap_m: NonNegative | None = described(None, "y_w1", "gap between platform and lower layer; 0: in contact")
     upper_m: Real | None = described(None, "y_w2", "displacement of the upper layer from the lower one; 0: unstressed")
     x_rate_m_per_s: Real = described(0.0, "dx/dt", "velocity along x")

@@ -257,7 +257,7 @@ def _notes(
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
         change(scene, summary, begin),
         symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
-        *notes_on_input(scene),
+        *notes_on_input(scene, ends=begin + scene.run.duration_s),
         stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
         recorded,
     )
