@@ -24,7 +24,7 @@ from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.drive import Drive
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
-from vibroplat.config.schema import NAME, PERTURBATION, Section, described, explain
+from vibroplat.config.schema import NAME, PERTURBATION, PLAIN_NAME, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
     ROTATIONS,
@@ -68,7 +68,9 @@ class Scene(Section):
     """
 
     name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = Field(
-        "scene", description="name of the results' directory; not given: that of the file"
+        "scene",
+        json_schema_extra={"pattern": PLAIN_NAME},
+        description="name of the results' directory; not given: that of the file",
     )
     machine: Machine = Field(Machine(), description="platform, springs and exciters")
     motor: Motor | None = described(None, "", "both motors")
