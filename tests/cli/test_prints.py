@@ -324,6 +324,13 @@ def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     assert line.split()[2:4] == ["0", "largest"], "a start has forces that operation has not"
     off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
     assert headline(off, run.summary).startswith("quickstart: coasts with the motors off, at 25.74 Hz")
+    jump = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 0.0, "supply_frequency_hz": 0.0}]
+    braked = run.scene.replace({"drive.program": jump})
+    assert headline(braked, run.summary).startswith("quickstart: is braked by the motors (supply 0 Hz), at 25.74 Hz")
+    assert "while its motors brake" in short_lines(Sheet(braked, run.summary))[0]
+    assert [line for line in short_lines(Sheet(braked, run.summary)) if line.startswith("motor power")]
+    still = run.summary | {"measured_turns": 0, "speed_ripple_1_hz": 0.001, "speed_ripple_2_hz": 0.0}
+    assert headline(braked, still) == "quickstart: the exciters have come to rest, motors braking at 0 Hz"
     ends = {0.5: "swing out", 0.001: "have come to rest"}
     for ripple, end in ends.items():
         known = run.summary | {"measured_turns": 0, "speed_ripple_1_hz": ripple, "speed_ripple_2_hz": 0.0}

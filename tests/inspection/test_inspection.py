@@ -246,7 +246,7 @@ def test_a_start_is_judged_before_the_motors_go_off():
     found = scene.replace(drive={"program": [*supply, {"t_s": 4, "off": True}]}).inspect()
     assert found["passage_ratio"] < 0.2
     lines = str(found).splitlines()
-    assert "; a start passes; until off at 4.00 s; far above" in lines[0]
+    assert "; a start passes; driven until 4.00 s; far above" in lines[0]
     assert "to pass" in lines[7]
     ramp = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 2.0, "supply_frequency_hz": 80.0}]
     short = Scene(drive={"program": [*ramp, {"t_s": 2.0, "off": True}]})

@@ -49,7 +49,7 @@ _CONVEYING = "k_v ω (A_x + A_y tan α), k_v 0.49 … 0.56 or 0.75 … 0.95 by t
 #: The numbers, and how each is found.
 INSPECTION: Columns = {
     "supply_frequency_hz": Column("supply frequency at the end of program or run, or before the motors go off"),
-    "motors_off_s": Column("when the motors go off for good; all else is before", "empty if they do not"),
+    "motors_off_s": Column("when the motors go off, or to 0 Hz, for good; all else is before", "empty if they do not"),
     "excitation_frequency_hz": Column("expected speed of the exciters", "balance of torques; empty if not together"),
     "expected": Column("expected synchronization", "balance of torques after the averaged start; or none", kind=TEXT),
     "coexisting": Column("another stable synchronization, and its speed", "as after another start", kind=TEXT),
@@ -192,7 +192,7 @@ def inspect(scene: Scene) -> Inspection:
     running, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
         "supply_frequency_hz": supply.frequency,
-        "motors_off_s": math.nan if any(last.driven) else max(last.start, 0.0),
+        "motors_off_s": math.nan if any(last.driven) and last.frequency else max(last.start, 0.0),
         **_statics(scene),
         **_of_motors(scene, supply, turning.speeds),
         **_vibration(scene, _tones(scene, turning)),

@@ -320,7 +320,10 @@ class Sheet:
     def _driven(self) -> tuple[str, ...]:
         """Return the short line of the motors that are on."""
         s = self.numbers
-        driven = [n for n, is_on in enumerate(self.scene.driven(s["measured_from_s"], s["measured_to_s"]), 1) if is_on]
+        measured = s["measured_from_s"], s["measured_to_s"]
+        driven = [n for n, is_on in enumerate(self.scene.driven(*measured), 1) if is_on]
+        if self.scene.braked(*measured) and s["measured_turns"]:
+            driven = [1, 2]
         powers, slips, ratios = (
             [value for n in driven if (value := s[name.format(n)]) is not None]
             for name in ("motor_power_{}_mean_w", "slip_{}", "torque_ratio_{}")
