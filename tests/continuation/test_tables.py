@@ -155,9 +155,10 @@ def test_stable_ranges_end_at_the_points_where_stability_is_lost():
     rows = {KEY: [1.0, 2.0, 3.0, 4.0, 5.0], "stable": [False, True, True, True, False], "point": range(5)}
     branches = pd.DataFrame(rows).assign(branch=0, sync="antiphase", excitation_frequency_hz=1.0, rms_y_m=1.0)
     branches = pd.concat([branches.assign(**{MASS: mass}) for mass in (0.0, 0.1)])
-    places = {KEY: [1.637, 3.5, 4.2, 4.8, 4.9], "point": [0, 2, 3, 3, 3], "branch": 0, MASS: [0.0] * 4 + [0.1]}
+    values, mass = [1.637, 3.5, 4.2, 4.5, 4.8, 4.9], [0.0] * 5 + [0.1]
+    places = {KEY: values, "point": [0, 2, 3, 3, 3, 3], "branch": 0, MASS: mass}
     special = pd.DataFrame(places).assign(
-        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "fold", "fold"]
+        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "liftoff", "fold", "fold"]
     )
     plan = OrbitsPlan.model_validate({**PLAN, "grid": {MASS: [0.0, 0.1]}})
     summary = {
@@ -171,6 +172,7 @@ def test_stable_ranges_end_at_the_points_where_stability_is_lost():
     }
     answer = answer_of(plan, {"branches": branches.assign(turns=1, residual=0.0), "special": special}, summary, "")
     assert "1.637 … 4.800" in answer.short[1]
+    assert answer.short[1].endswith("  4.200"), "the first of two lift-offs"
     assert "2.000 … 4.900" in answer.short[2]
 
 
