@@ -13,7 +13,7 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, by_severity
 from vibroplat.plots.command import FIGURE_NAMES
 from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both, short_line
-from vibroplat.results.run_answer import headline
+from vibroplat.results.run_answer import headline, regime
 from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
 from vibroplat.study.sweep import notes_on_points
 
@@ -259,6 +259,17 @@ def test_a_run_that_continues_is_told_no_start(runs):
     for at, told in ((6.12, []), (7.0, ["in", "step", "0.880", "s", "after"])):
         lines = short_lines(Sheet(run.scene, run.summary | {"begins_s": 6.12, "synchronized_at_s": at}))
         assert [line.split()[:5] for line in lines if line.startswith(("start", "in step"))] == [told][: len(told)]
+
+
+def test_a_summary_has_what_the_first_line_says(runs):
+    run = runs["two layers"]
+    summary, line = run.summary, headline(run.scene, run.summary)
+    assert summary["sync"] in line
+    assert (summary["motion"] == "periodic") == ("; repeats every " in line)
+    assert (summary["regime"], " runs at " in line) == ("runs", True)
+    off = [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]
+    assert regime(run.scene.replace({"drive.program": off}), summary) == "coasts"
+    assert regime(run.scene, summary | {"captured_by": "y"}) == "captured"
 
 
 def test_times_count_from_when_motors_were_switched(runs):
