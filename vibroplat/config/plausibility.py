@@ -104,22 +104,48 @@ def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list
 
 
 def notes_on_plan(scene: Scene, kind: str) -> list[str]:
-    """Say that rotors stay as they are where a study varies the size of their motors.
+    """Say which keys have no effect on a study, and that rotors stay as they are where it varies their motors.
 
     Inertias of catalogue motors of one torque differ by more than a factor of 2, with frame, poles and efficiency
     class, so none is derived from the torque.
     """
     plan = getattr(scene, kind, None)
+    notes = _without_effect(scene, kind)
     varied = str({} if plan is None else plan.model_dump(exclude={"parameter_tolerances"}, exclude_none=True))
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
-        return []
+        return notes
     each = " and ".join(dict.fromkeys(given(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
     where = "exciters.N" if scene.exciters is not None else "machine"
     return [
+        *notes,
         f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {each} kg·m²: rotors do not grow with their motors; "
-        "repeat with --set for the motor that is found"
+        "repeat with --set for the motor that is found",
     ]
+
+
+def _without_effect(scene: Scene, kind: str) -> list[str]:
+    """Return the notes on keys that are given and have no effect on a study: another one's seed, material without any.
+
+    Sections of other studies are not told.
+    """
+    plan, run = getattr(scene, kind, None), scene.run
+    if plan is None:
+        return []
+    notes = []
+    for key in ("seed", "perturbation"):
+        if key in run.model_fields_set and key in type(plan).model_fields:
+            notes.append(
+                f"run.{key} = {given(getattr(run, key) or 0)} has no effect on {kind}: {kind}.{key} = "
+                f"{given(getattr(plan, key))} counts"
+            )
+    if "seed" in plan.model_fields_set and getattr(plan, "perturbation", 1.0) == 0.0:
+        notes.append(f"{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
+    varied = str(plan.model_dump(exclude_none=True))
+    keys = dict.fromkeys(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
+    if keys and not scene.material.mass_ratio and "material.mass_ratio" not in keys:
+        notes.append(f"no effect of {', '.join(keys)}: there is no material, as material.mass_ratio is 0")
+    return notes
 
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:
