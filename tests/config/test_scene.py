@@ -1,7 +1,9 @@
 """Scenes: what they are made of, how they are changed and written, and the schema of their files."""
 
 import itertools
+import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -189,6 +191,11 @@ def test_schema_refuses_other_keys_and_says_what_is_allowed():
     schema = configuration_schema()
     assert (schema["title"], schema["type"]) == ("vibroplat configuration", "object")
     assert schema["properties"]["extends"]["type"] == "string"
+    assert schema["$schema"].endswith("2020-12/schema")
+    patterns = re.findall(r'"pattern": "(.*?)"[,}]', json.dumps(schema))
+    assert len(patterns) > 0
+    for pattern in patterns:
+        assert re.compile(json.loads(f'"{pattern}"')), "classes of letters are not known everywhere"
     assert [s for s in (schema, *schema["$defs"].values()) if s["additionalProperties"]] == []
     restitution = schema["$defs"]["Contact"]["properties"]["restitution"]
     assert restitution | {"default": 0.0, "minimum": 0.0, "maximum": 1.0, "type": "number"} == restitution
