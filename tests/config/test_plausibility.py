@@ -67,6 +67,16 @@ UNUSUAL = [
         ],
     ),
     (
+        {
+            "drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}],
+            "run.duration_s": 1.5,
+        },
+        [
+            "drive.program.1.t_s = 2: the run ends before, at 1.5 s, and does not get there; times are in seconds, and "
+            "a longer run.duration_s helps"
+        ],
+    ),
+    (
         {"exciters": [MOTOR | {"rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r} for r in (10.0, 0.03)]},
         [
             f"{MASSES}, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = 10, "
@@ -208,3 +218,19 @@ def test_rotors_do_not_grow_with_motors_that_a_study_varies():
     assert notes_on_plan(Scene(design=tolerances), "design") == []
     both = {"keys": {"motor.critical_torque_n_m": [1.0, 2.0], "machine.rotor_inertia_kg_m2": [1e-4, 1e-3]}}
     assert notes_on_plan(Scene(design=both), "design") == []
+
+
+def test_keys_that_a_study_does_not_read_are_told():
+    plan = {"supply_frequency_hz": {"start": 40.0, "stop": 50.0}}
+    assert notes_on_plan(Scene(run={"seed": 7}, sweep=plan), "sweep") == [
+        "run.seed = 7 has no effect on sweep: sweep.seed = 0 counts"
+    ]
+    assert notes_on_plan(Scene(sweep=plan | {"perturbation": 0.0, "seed": 3}), "sweep") == [
+        "sweep.seed has no effect: sweep.perturbation is 0, so nothing is random"
+    ]
+    orbits = {"key": "material.damping_ratio", "start": 0.1, "stop": 0.5}
+    assert notes_on_plan(Scene(run={"seed": 7}, orbits=orbits), "orbits") == [
+        "no effect of material.damping_ratio: there is no material, as material.mass_ratio is 0"
+    ]
+    loaded = orbits | {"grid": {"material.mass_ratio": [0.0, 0.2]}}
+    assert notes_on_plan(Scene(orbits=loaded, sweep=plan), "orbits") == []

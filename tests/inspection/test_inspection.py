@@ -226,6 +226,18 @@ def test_exciters_at_two_speeds_are_told_apart():
     assert "–, no common speed" in str(found)
 
 
+def test_what_a_run_does_not_reach_is_not_expected():
+    """Of a ramp that goes on beyond it, the frequency at its end."""
+    on, off = {"t_s": 0.0, "supply_frequency_hz": 40.0}, {"t_s": 3.0, "exciter_2": "off"}
+    scene = Scene().replace({"drive.program": [on, off]})
+    assert scene.replace({"run.duration_s": 2.0}).inspect() == pytest.approx(
+        Scene().replace({"drive.supply_frequency_hz": 40.0}).inspect(), nan_ok=True
+    )
+    assert scene.replace({"run.duration_s": 5.0}).inspect()["excitation_frequency_2_hz"] == 0.0
+    ramp = Scene().replace({"drive.program": [on, {"t_s": 8.0, "supply_frequency_hz": 80.0}], "run.duration_s": 2.0})
+    assert ramp.inspect()["supply_frequency_hz"] == 50.0
+
+
 def test_a_start_is_judged_before_the_motors_go_off():
     supply = [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
     scene = load_config(
@@ -234,7 +246,7 @@ def test_a_start_is_judged_before_the_motors_go_off():
     found = scene.replace(drive={"program": [*supply, {"t_s": 4, "off": True}]}).inspect()
     assert found["passage_ratio"] < 0.2
     lines = str(found).splitlines()
-    assert "; a start passes; until off at 4.00 s; far above" in lines[0]
+    assert "; a start passes; driven until 4.00 s; far above" in lines[0]
     assert "to pass" in lines[7]
     ramp = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 2.0, "supply_frequency_hz": 80.0}]
     short = Scene(drive={"program": [*ramp, {"t_s": 2.0, "off": True}]})

@@ -51,3 +51,12 @@ def test_steady_motion_and_one_that_shall_not_be_disturbed_have_no_further_seeds
     steady = simulate(screen.replace({"run.initial.speed_ratio": 0.98, "material.mass_ratio": 0.0}), keep="summary")
     assert "whole_motor_power_1_max_w" in peaks_of_seeds(steady)
     assert peaks_of_seeds(simulate(screen.replace({"run.perturbation": 0.0}), keep="summary"))["seeds"] == 1
+
+
+def test_a_run_that_continues_undisturbed_has_no_further_seeds_but_other_times_of_switching(screen, tmp_path):
+    """A stop within it is in other phases; one at its beginning is where it is."""
+    simulate(screen.replace({"run.duration_s": 0.5}), keep="table").save(tmp_path / "first")
+    on, off = {"t_s": 0.0, "supply_frequency_hz": 50.0}, {"supply_frequency_hz": 50.0, "off": True}
+    run = {"run": {"duration_s": 0.5, "initial": {"from": str(tmp_path / "first")}}}
+    for program, count in (([on], 1), ([off | {"t_s": 0.0}], 1), ([on, off | {"t_s": 0.6}], MOST_SEEDS + 1)):
+        assert peaks_of_seeds(simulate(screen.replace({"drive.program": program} | run)))["seeds"] == count

@@ -29,6 +29,14 @@ def told(*parts, **columns):
 SYNC = {"phase_difference_rad": after(8, np.pi, 0.0), "sync": after(8, "antiphase", "in-phase")}
 
 
+def test_the_first_of_several_liftoffs_is_told():
+    flight = np.zeros(21)
+    flight[5:9], flight[14:18] = 0.2, 0.3
+    head, row, *_ = told(flight_fraction=flight, **SYNC)[1]
+    assert "lifts off" in head
+    assert row[head.index("lifts off") :].startswith("44.25 ")
+
+
 def test_a_jump_is_told_in_the_middle_of_its_points_and_how_far_it_is_known():
     headline, (head, row, known, legend) = told(**SYNC)
     assert headline == "21 points, f_e 42 … 52 Hz in steps of 0.5, up; all repeat every turn"

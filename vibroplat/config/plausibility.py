@@ -29,8 +29,8 @@ UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
 MIN_DAMPING_RATIO, MAX_REMAINDER = 0.005, 0.01
-#: Minimum number of samples of a turn in a trajectory.
-MIN_SAMPLES_PER_TURN = 20.0
+#: Minimum number of samples of a turn in a trajectory, and the number that a spectrum needs more of.
+MIN_SAMPLES_PER_TURN, MIN_SAMPLES_OF_SPECTRUM = 20.0, 2.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
@@ -70,11 +70,16 @@ class UsualRange(NamedTuple):
     text: str = ""
 
 
-def notes_on_input(scene: Scene, *, of_run: bool = True) -> list[str]:
-    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default."""
+def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = None) -> list[str]:
+    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default.
+
+    Of a run that continues another one, it must be known when it ``ends`` (s).
+    """
     notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene) if of_run else ""]
     notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene)]
-    notes += [_coarse(scene) if of_run else ""]
+    if ends is None:
+        ends = math.inf if scene.run.initial.from_ is not None else scene.run.duration_s
+    notes += [_unreached(scene, ends), _coarse(scene)] if of_run else []
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in notes if note]
@@ -99,22 +104,48 @@ def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list
 
 
 def notes_on_plan(scene: Scene, kind: str) -> list[str]:
-    """Say that rotors stay as they are where a study varies the size of their motors.
+    """Say which keys have no effect on a study, and that rotors stay as they are where it varies their motors.
 
     Inertias of catalogue motors of one torque differ by more than a factor of 2, with frame, poles and efficiency
     class, so none is derived from the torque.
     """
     plan = getattr(scene, kind, None)
+    notes = _without_effect(scene, kind)
     varied = str({} if plan is None else plan.model_dump(exclude={"parameter_tolerances"}, exclude_none=True))
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
-        return []
+        return notes
     each = " and ".join(dict.fromkeys(given(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
     where = "exciters.N" if scene.exciters is not None else "machine"
     return [
+        *notes,
         f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {each} kg·m²: rotors do not grow with their motors; "
-        "repeat with --set for the motor that is found"
+        "repeat with --set for the motor that is found",
     ]
+
+
+def _without_effect(scene: Scene, kind: str) -> list[str]:
+    """Return the notes on keys that are given and have no effect on a study: another one's seed, material without any.
+
+    Sections of other studies are not told.
+    """
+    plan, run = getattr(scene, kind, None), scene.run
+    if plan is None:
+        return []
+    notes = []
+    for key in ("seed", "perturbation"):
+        if key in run.model_fields_set and key in type(plan).model_fields:
+            notes.append(
+                f"run.{key} = {given(getattr(run, key) or 0)} has no effect on {kind}: {kind}.{key} = "
+                f"{given(getattr(plan, key))} counts"
+            )
+    if "seed" in plan.model_fields_set and getattr(plan, "perturbation", 1.0) == 0.0:
+        notes.append(f"{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
+    varied = str(plan.model_dump(exclude_none=True))
+    keys = dict.fromkeys(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
+    if keys and not scene.material.mass_ratio and "material.mass_ratio" not in keys:
+        notes.append(f"no effect of {', '.join(keys)}: there is no material, as material.mass_ratio is 0")
+    return notes
 
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:
@@ -238,13 +269,30 @@ def _weakly_damped(scene: Scene) -> str:
     )
 
 
+def _unreached(scene: Scene, ends: float) -> str:
+    """Return the note on entries of a program that a run does not reach which ends at a time (s), or an empty text."""
+    entries = enumerate(scene.drive.program or ())
+    late = [f"drive.program.{n}.t_s = {given(entry.t_s)}" for n, entry in entries if entry.t_s > ends]
+    if not late:
+        return ""
+    names = ", ".join(late[:MAX_NAMED])
+    more = f" and {len(late) - MAX_NAMED} more" * (len(late) > MAX_NAMED)
+    return (
+        f"{names}{more}: the run ends before, at {given(ends)} s, and does not get there; times are in seconds, and a "
+        "longer run.duration_s helps"
+    )
+
+
 def _coarse(scene: Scene) -> str:
     """Return the note on a trajectory with few samples of each turn, or an empty text."""
     rate = scene.output.sample_rate_hz
     each = TURN * rate / scene.speed_scale
     if each >= MIN_SAMPLES_PER_TURN:
         return ""
-    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes"
+    spectrum = " and give no spectrum" * (each <= MIN_SAMPLES_OF_SPECTRUM and scene.output.accelerations)
+    return (
+        f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes{spectrum}"
+    )
 
 
 def _replaced(scene: Scene) -> str:

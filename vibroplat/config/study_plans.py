@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
-from vibroplat.config.schema import MAX_SIZE, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.schema import MAX_SIZE, MINUS, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
 from vibroplat.config.sections import PHASES
 
 #: Prefix of the keys of initial conditions, and all such keys.
@@ -111,7 +111,7 @@ class BasinsPlan(Section, title="Basins"):
 #: Default of the final width of a threshold, relative to the range of its key.
 DEFAULT_TOLERANCE = 1e-5
 #: A column, how it is compared, and a number.
-COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+−]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
 
 class FindPlan(Section, title="Find", populate_by_name=True):
@@ -170,7 +170,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     def compared(self) -> tuple[str, str, float] | None:
         """Column, comparison and number of the expression."""
         match = COMPARISON.fullmatch(self.expression or "")
-        return match and (match[1], match[2], float(match[3]))
+        return match and (match[1], match[2], float(match[3].replace(MINUS, "-")))
 
     @property
     def of_motion(self) -> bool:
@@ -248,7 +248,11 @@ class DesignPlan(Section, title="Design"):
     def bound(self, measure: str) -> tuple[float, float]:
         """Return 1 if a bound is the minimum of its measure, −1 if the maximum, 0 if it is no bound; and its value."""
         match = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
-        return (0.0, 0.0) if match is None else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3]))
+        return (
+            (0.0, 0.0)
+            if match is None
+            else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3].replace(MINUS, "-")))
+        )
 
     def keeps(self, measure: str, values: Any) -> Any:
         """Return whether values of a measure satisfy its bound."""

@@ -76,7 +76,7 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
         end = "lower" if best[key] - low < room else "upper" if high - best[key] < room else ""
         more = f"at the {end} end of its range in design.keys" if end else ""
         value = f"{number(best[key], 4)} {unit_of(key)}".rstrip()
-        yield f"{key:<34}{value:<16}{more}".rstrip()
+        yield f"{key:<32}  {value:<14}  {more}".rstrip()
     if plan.keys.keys() - [*plan.keys][:MAX_KEYS]:
         yield f"and {counted(len(plan.keys) - MAX_KEYS, 'more key')}: -v"
 

@@ -30,7 +30,7 @@ def answer(name: str, v: Numbers) -> str:
     at = _speeds(v, load) if sync == "none" else quantity(speeds[0], "Hz")
     expected, where = f"{'no synchronization' if sync == 'none' else sync} expected at {at}", _where(v, max(speeds))
     empty = "without material" if v["loaded_expected"] and not load else ""
-    off = f"until off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
+    off = f"driven until {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
     start = f"a start {v['start']}" if v["start"] else ""
     below = f" below {quantity(v['passage_frequency_hz'], 'Hz', digits=3)}" if "captured" in start else ""
     return fitting(f"{name[:MACHINE]}: ", [expected, start + below, off, empty, where])

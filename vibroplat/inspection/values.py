@@ -48,8 +48,8 @@ def _each(words: Mapping[str, str], described: Columns) -> dict[str, Column]:
 _CONVEYING = "k_v ω (A_x + A_y tan α), k_v 0.49 … 0.56 or 0.75 … 0.95 by the throw index; empty where neither holds"
 #: The numbers, and how each is found.
 INSPECTION: Columns = {
-    "supply_frequency_hz": Column("supply frequency at the end of the program, or before the motors go off"),
-    "motors_off_s": Column("when the motors go off for good; all else is before", "empty if they do not"),
+    "supply_frequency_hz": Column("supply frequency at the end of program or run, or before the motors go off"),
+    "motors_off_s": Column("when the motors go off, or to 0 Hz, for good; all else is before", "empty if they do not"),
     "excitation_frequency_hz": Column("expected speed of the exciters", "balance of torques; empty if not together"),
     "expected": Column("expected synchronization", "balance of torques after the averaged start; or none", kind=TEXT),
     "coexisting": Column("another stable synchronization, and its speed", "as after another start", kind=TEXT),
@@ -182,6 +182,8 @@ class Tone(NamedTuple):
 
 def inspect(scene: Scene) -> Inspection:
     """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this."""
+    notes = notes_on_input(scene)
+    scene = balance.while_run(scene)
     supply = balance.final_supply(scene)
     starts = (
         starts_from_rest(balance.while_driven(scene)) if any(supply.driven) else (np.zeros((0, 2)), np.zeros(0, bool))
@@ -190,7 +192,7 @@ def inspect(scene: Scene) -> Inspection:
     running, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
         "supply_frequency_hz": supply.frequency,
-        "motors_off_s": math.nan if any(last.driven) else max(last.start, 0.0),
+        "motors_off_s": math.nan if any(last.driven) and last.frequency else max(last.start, 0.0),
         **_statics(scene),
         **_of_motors(scene, supply, turning.speeds),
         **_vibration(scene, _tones(scene, turning)),
@@ -205,7 +207,6 @@ def inspect(scene: Scene) -> Inspection:
         values |= _with_load(scene, supply, turning)
     if any(supply.driven):
         values["start"] = _start(values, starts[1])
-    notes = notes_on_input(scene)
     if scene.transport is not None:
         values["unique_friction"] = unique = unique_friction(scene)
         notes.insert(0, _paradox(scene.transport.largest_friction, unique))

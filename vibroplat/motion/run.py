@@ -50,7 +50,7 @@ from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.transients import Transient, transients
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
-from vibroplat.results.run_answer import SETTLED
+from vibroplat.results.run_answer import SETTLED, kind_of_motion, regime
 
 #: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
@@ -71,6 +71,19 @@ SUMMARY: Columns = {
     "perturbation": Column("random change of the initial rates", "scaled units"),
     "static_sag_m": Column(
         "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y relative to this"
+    ),
+    "sync": Column(
+        "synchronization of the exciters", "as in a sweep: antiphase, in-phase, intermediate or none", kind=TEXT
+    ),
+    "motion": Column(
+        "kind of motion",
+        "periodic; non-periodic: no period is found; undecided: a transient is left; empty without whole turns",
+        kind=TEXT,
+    ),
+    "regime": Column(
+        "what the exciters do",
+        "runs, captured, stops (one motor is off and its exciter stops), coasts (motors off), braked (motors at 0 Hz)",
+        kind=TEXT,
     ),
     "period": Column(
         "period of the motion, in turns of exciter 1",
@@ -215,6 +228,11 @@ def _summary(
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
     moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not unsteady else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
+    kinds = {
+        "sync": synchronization(measures) if measures["phase_coherence"] is not None else "",
+        "motion": kind_of_motion(measures, repeats, moved),
+        "regime": regime(scene, {**measures, **sheet, **whole}),
+    }
     return (
         {
             "name": scene.name,
@@ -225,6 +243,7 @@ def _summary(
             "relative_rotation": scene.rotation,
             "perturbation": scene.start_perturbation,
             "static_sag_m": 0.0 - float(static_rest(scene)[1]),
+            **kinds,
             "period": repeats,
             "stroke_change": moved,
             "transient_x_m": left[0].size,
@@ -257,7 +276,7 @@ def _notes(
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
         change(scene, summary, begin),
         symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
-        *notes_on_input(scene),
+        *notes_on_input(scene, ends=begin + scene.run.duration_s),
         stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
         recorded,
     )

@@ -196,7 +196,8 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
 
 def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray) -> str:
     """Return the note on exciters that still turn in the last state of a run without drive, or an empty text."""
-    if any(scene.driven(measures["measured_from_s"], measures["measured_to_s"])):
+    interval = measures["measured_from_s"], measures["measured_to_s"]
+    if any(scene.driven(*interval)):
         return ""
     inertia, _, stiffness = scene.oscillators
     springs = stiffness > 0.0
@@ -205,8 +206,9 @@ def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray
     fastest = float(np.max(np.abs(state[places])))
     if fastest <= 0.5 * slowest:
         return ""
+    switched = "braked" if scene.braked(*interval) else "off"
     return (
-        f"exciters, off, still turn or swing at up to {quantity(fastest / TURN, 'Hz')}: larger values may "
+        f"exciters, {switched}, still turn or swing at up to {quantity(fastest / TURN, 'Hz')}: larger values may "
         "follow as they pass resonances, and a longer run.duration_s shows them"
     )
 

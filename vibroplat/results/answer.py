@@ -98,7 +98,7 @@ def first_failures(lines: Sequence[str], total: str = "") -> list[str]:
 
 def short_line(label: str, value: str, more: str = "") -> str:
     """Return a short line: a label, a value, and those of the remarks that qualify it for which there is room."""
-    return fitting(f"{label:<{LABEL}}{value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2)
+    return fitting(f"{label:<{LABEL - 2}}  {value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2)
 
 
 def fitting(begin: str, remarks: Iterable[str], width: int = WIDEST) -> str:

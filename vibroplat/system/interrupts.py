@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 #: What remains of a command that was stopped, and of one with an option ``--resume``.
-KEPT = "result files are complete"
+KEPT = "this command has written no result, earlier ones are complete"
 RESUMABLE = f"{KEPT}; --resume continues from the finished points"
 #: Seconds during which further requests are ignored while the stack is unwound.
 GRACE = 5.0
