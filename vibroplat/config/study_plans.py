@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from vibroplat.columns import is_angle
+from vibroplat.config.circular import beyond, bound_scale, require_turn
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
 from vibroplat.config.schema import MAX_SIZE, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
@@ -159,6 +161,8 @@ class FindPlan(Section, title="Find", populate_by_name=True):
             raise ValueError(f"key = {self.key!a} cannot be varied; allowed: keys of machine, material, …, run.initial")
         if self.expression is not None and COMPARISON.fullmatch(self.expression) is None:
             raise ValueError(f"expression = {self.expression!a}; allowed: column > number, or >=, <, <=")
+        if self.compared is not None:
+            require_turn(self.compared[0], self.compared[2])
         return self
 
     @property
@@ -230,6 +234,13 @@ class DesignPlan(Section, title="Design"):
         for measure, text in self.constraints.items():
             if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= MAX_SIZE):
                 raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
+            for limit in (self.bound(measure)[1], *self.pareto.get(measure, ())):
+                require_turn(measure, limit)
+        if self.minimize is not None and is_angle(self.minimize):
+            raise ValueError(
+                f"minimize = {self.minimize}, which is an angle, and a circle has no least value; allowed: another "
+                "measure, with this one in constraints"
+            )
         sampled = bool(self.parameter_tolerances and self.samples)
         if self.minimize is None:
             if self.pareto:
@@ -253,7 +264,7 @@ class DesignPlan(Section, title="Design"):
     def keeps(self, measure: str, values: Any) -> Any:
         """Return whether values of a measure satisfy its bound."""
         sign, limit = self.bound(measure)
-        return sign * (values - limit) >= -VIOLATION_TOLERANCE * abs(limit)
+        return sign * beyond(measure, values, limit) >= -VIOLATION_TOLERANCE * bound_scale(measure, limit)
 
     @property
     def named(self) -> list[str]:
