@@ -15,13 +15,15 @@ import numpy as np
 
 from vibroplat.columns import is_angle, unit_of
 from vibroplat.config.coordinates import TURN
-from vibroplat.config.digits import number, quantity
+from vibroplat.config.digits import given, number, quantity
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 #: Angles that are spread over more than half a turn have a mean if their mean unit vector is at least this long, and if
 #: n random angles of the whole circle have one as long at most so often: exp(-n length²) (Rayleigh 1880).
 MIN_MEAN_LENGTH, MAX_CHANCE = 0.5, 1e-3
+#: Length of the mean unit vector of opposite angles, which have no mean, but for round-off.
+ROUND_OFF_LENGTH = 1e-6
 #: What is said of angles without a mean.
 NO_MEAN = "no mean: spread around the circle"
 
@@ -52,7 +54,8 @@ def circular_mean(angles: Any) -> float:
     cosine, sine = float(np.cos(known).mean()), float(np.sin(known).mean())
     squared = cosine * cosine + sine * sine
     clear = squared >= MIN_MEAN_LENGTH**2 and math.exp(-known.size * squared) <= MAX_CHANCE
-    return float(wrap(math.atan2(sine, cosine))) if clear or gaps.max() > math.pi else math.nan
+    within_half = gaps.max() > math.pi and squared > ROUND_OFF_LENGTH**2
+    return float(wrap(math.atan2(sine, cosine))) if clear or within_half else math.nan
 
 
 def on_line(column: str, values: Any) -> FloatArray:
@@ -62,6 +65,18 @@ def on_line(column: str, values: Any) -> FloatArray:
     """
     numbers = np.asarray(values, dtype=float)
     return np.asarray(wrap(numbers - circular_mean(numbers))) if is_angle(column) else numbers
+
+
+def ranked(column: str, values: Any, shares: Sequence[float] | FloatArray) -> tuple[Any, FloatArray]:
+    """Return the places of values in ascending order, and their quantiles; of angles by their deviations.
+
+    Values without a mean, or without any value, have no quantiles; the order is that of their numbers then.
+    """
+    centre = circular_mean(values) if is_angle(column) else 0.0
+    if math.isnan(centre) or not len(values):
+        return np.argsort(values, kind="stable"), np.zeros(0)
+    line = on_line(column, values)
+    return np.argsort(line, kind="stable"), centre + np.quantile(line, shares)
 
 
 def beyond(column: str, values: Any, limit: float) -> Any:
@@ -83,26 +98,30 @@ def bound_scale(column: str, limit: float) -> float:
     return math.pi if is_angle(column) else abs(limit)
 
 
-def require_turn(column: str, limit: float) -> None:
+def require_turn(where: str, column: str, limit: float) -> None:
     """Refuse a limit of an angle that is more than a turn, as one in degrees (ValueError)."""
     if is_angle(column) and abs(limit) > TURN:
-        raise ValueError(f"{column} is an angle, and {limit:g} rad is more than a turn; allowed: -6.28 … 6.28 rad")
+        raise ValueError(f"{where}: {limit:g} is more than a turn, but {column} is in rad; allowed: -6.28 … 6.28")
 
 
 def bound_meaning(column: str, sign: float, limit: float) -> str:
     """Say which angles lie above a limit, sign 1, or below it, sign −1."""
-    far, side = float(wrap(limit + sign * math.pi)), "above" if sign > 0.0 else "below"
-    return (
-        f"{column} is an angle: up to half a turn {side} {number(limit, 4)} rad counts as {side} it, "
-        f"so {number(far, 4)} rad is the other end"
-    )
+    far, own = number(float(wrap(limit + sign * math.pi)), 3), given(limit).replace("-", "−")
+    side, ends = ("above", (own, far)) if sign > 0.0 else ("below", (far, own))
+    return f"{column} is an angle: the half turn from {ends[0]} to {ends[1]} rad is {side} {own}, the other one is not"
 
 
 def value_text(column: str, value: float | None, digits: int | None = None) -> str:
-    """Write a value of a column with its unit; an angle in rad without a prefix."""
+    """Write a value of a column with its unit; an angle in rad without a prefix, from −π to π."""
     if value is not None and is_angle(column):
-        return f"{number(value, digits or 4)} rad"
+        return f"{number(float(wrap(value)), digits or 4)} rad"
     return quantity(value, unit_of(column), digits=digits)
+
+
+def degrees_text(angle: float) -> str:
+    """Write an angle on its circle in whole degrees, from −179 to 180."""
+    degrees = math.degrees(wrap(angle))
+    return quantity(180.0 if round(degrees) == -180 else degrees, "°")
 
 
 def centre_text(column: str, values: Any) -> str:

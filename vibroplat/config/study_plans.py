@@ -133,7 +133,8 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     expression: str | None = Field(
         None,
         description='wanted outcome, instead of compare: a column of a sweep and a bound, as "rms_y_m > 1e-3"; if '
-        "outcomes are mixed, more values are evaluated on the side where it holds",
+        "outcomes are mixed, more values are evaluated on the side where it holds; an angle is above a bound up to half "
+        "a turn from it on",
     )
     from_: Literal["initial", "previous"] = Field(
         "initial",
@@ -162,7 +163,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
         if self.expression is not None and COMPARISON.fullmatch(self.expression) is None:
             raise ValueError(f"expression = {self.expression!a}; allowed: column > number, or >=, <, <=")
         if self.compared is not None:
-            require_turn(self.compared[0], self.compared[2])
+            require_turn(f"expression = {self.expression!a}", self.compared[0], self.compared[2])
         return self
 
     @property
@@ -207,7 +208,8 @@ class DesignPlan(Section, title="Design"):
     constraints: dict[str, str] = Field(
         {},
         description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}; without '
-        "minimize, the answer is the fraction of samples that satisfy each",
+        "minimize, the answer is the fraction of samples that satisfy each; an angle is above a bound up to half a "
+        "turn from it on, and below it otherwise",
     )
     pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
         {}, description="several values for the bound of one measure of constraints, for a Pareto front"
@@ -235,7 +237,7 @@ class DesignPlan(Section, title="Design"):
             if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= MAX_SIZE):
                 raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
             for limit in (self.bound(measure)[1], *self.pareto.get(measure, ())):
-                require_turn(measure, limit)
+                require_turn(f"constraints.{measure}", measure, limit)
         if self.minimize is not None and is_angle(self.minimize):
             raise ValueError(
                 f"minimize = {self.minimize}, which is an angle, and a circle has no least value; allowed: another "
