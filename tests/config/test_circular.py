@@ -14,34 +14,34 @@ PHASE = "phase_difference_rad"
 SHARES = (0.05, 0.5, 0.95)
 
 
-@pytest.mark.parametrize("seed", range(150))
-def test_statistics_are_those_of_samples_that_are_unwrapped_by_hand(seed):
-    random = np.random.default_rng(seed)
-    count, width = int(random.integers(2, 300)), float(random.choice([1e-3, 0.3, 1.5]))
-    by_hand = random.uniform(-math.pi, math.pi) + width * random.uniform(-1.0, 1.0, count)
-    angles = by_hand + TURN * random.integers(-3, 4, count)
-    mean = np.angle(np.exp(1j * (by_hand - by_hand[0])).mean()) + by_hand[0]
-    found = on_line(PHASE, angles)
-    assert math.remainder(circular_mean(angles) - mean, TURN) == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(found, by_hand - mean, rtol=0.0, atol=1e-12)
-    assert found.std() == pytest.approx(by_hand.std(), abs=1e-12)
-    order, quantiles = ranked(PHASE, angles, SHARES)
-    assert order.tolist() == np.argsort(by_hand, kind="stable").tolist()
-    apart = [math.remainder(a - b, TURN) for a, b in zip(quantiles, np.quantile(by_hand, SHARES), strict=True)]
-    assert apart == pytest.approx([0.0] * 3, abs=1e-12)
+def test_statistics_are_those_of_samples_that_are_unwrapped_by_hand():
+    for seed in range(150):
+        random = np.random.default_rng(seed)
+        count, width = int(random.integers(2, 300)), float(random.choice([1e-3, 0.3, 1.5]))
+        by_hand = random.uniform(-math.pi, math.pi) + width * random.uniform(-1.0, 1.0, count)
+        angles = by_hand + TURN * random.integers(-3, 4, count)
+        mean = np.angle(np.exp(1j * (by_hand - by_hand[0])).mean()) + by_hand[0]
+        found = on_line(PHASE, angles)
+        assert math.remainder(circular_mean(angles) - mean, TURN) == pytest.approx(0.0, abs=1e-12)
+        np.testing.assert_allclose(found, by_hand - mean, rtol=0.0, atol=1e-12)
+        assert found.std() == pytest.approx(by_hand.std(), abs=1e-12)
+        order, quantiles = ranked(PHASE, angles, SHARES)
+        assert order.tolist() == np.argsort(by_hand, kind="stable").tolist()
+        apart = [math.remainder(a - b, TURN) for a, b in zip(quantiles, np.quantile(by_hand, SHARES), strict=True)]
+        assert apart == pytest.approx([0.0] * 3, abs=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(50))
-def test_samples_all_around_the_circle_have_no_mean(seed):
-    random = np.random.default_rng(seed)
-    count = int(random.integers(10, 300))
-    around = random.uniform(-math.pi, math.pi, count)
-    evenly = random.uniform() + TURN * np.arange(count) / count
-    opposite = random.uniform() + math.pi * (np.arange(2 * count) % 2)
-    for angles in (around, evenly, opposite):
-        assert math.isnan(circular_mean(angles))
-        assert np.isnan(on_line(PHASE, angles)).all()
-        assert ranked(PHASE, angles, SHARES)[1].size == 0
+def test_samples_all_around_the_circle_have_no_mean():
+    for seed in range(50):
+        random = np.random.default_rng(seed)
+        count = int(random.integers(10, 300))
+        around = random.uniform(-math.pi, math.pi, count)
+        evenly = random.uniform() + TURN * np.arange(count) / count
+        opposite = random.uniform() + math.pi * (np.arange(2 * count) % 2)
+        for angles in (around, evenly, opposite):
+            assert math.isnan(circular_mean(angles))
+            assert np.isnan(on_line(PHASE, angles)).all()
+            assert ranked(PHASE, angles, SHARES)[1].size == 0
 
 
 def test_what_lies_within_half_a_turn_has_a_mean_and_what_is_missing_does_not_count():
