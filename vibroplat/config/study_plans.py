@@ -133,8 +133,8 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     expression: str | None = Field(
         None,
         description='wanted outcome, instead of compare: a column of a sweep and a bound, as "rms_y_m > 1e-3"; if '
-        "outcomes are mixed, more values are evaluated on the side where it holds; an angle is above a bound up to half "
-        "a turn from it on",
+        "outcomes are mixed, more values are evaluated on the side where it holds; an angle is above a bound up to "
+        "half a turn from it on",
     )
     from_: Literal["initial", "previous"] = Field(
         "initial",
