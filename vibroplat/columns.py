@@ -181,6 +181,17 @@ def describe_sync(sync: str, rotation: str) -> str:
 
 
 PHASE_COLUMN = "phase_difference_rad"
+
+
+def is_angle(name: str) -> bool:
+    """Whether a key or column holds angles on a circle: values a whole turn apart are the same.
+
+    These are phase differences, also those beside a threshold (``below_…``). Rotations of the platform are small, and
+    angles of exciters have all their turns; both are plain numbers, and so are standard errors of angles.
+    """
+    return name.endswith(PHASE_COLUMN)
+
+
 #: Columns of a sweep, and of branches.
 QUANTITIES = _quantities(
     {

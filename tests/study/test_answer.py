@@ -89,6 +89,13 @@ def test_a_change_across_a_short_band_is_told_by_its_ends():
     assert lines[1].startswith("mass ratio 0.2  45.5 … 47.5  ")
 
 
+def test_intermediate_phases_on_both_sides_are_two_intervals():
+    phase = np.where(np.arange(21) < 8, -1.5, 1.6)
+    assert "always intermediate: phase difference −85.9° and 91.7°" in [
+        line.replace(" °", "°") for line in told(phase_difference_rad=phase, sync="intermediate")[1]
+    ]
+
+
 def test_failed_points_chaos_and_coexisting_attractors_are_counted():
     columns = {"outcome": after(19, "ok", "too-many-events"), "motion": after(18, "periodic", "chaotic")}
     headline, lines = told(**columns, coexisting=after(18, "", "antiphase, period 1"))

@@ -7,9 +7,10 @@ import pytest
 from common.known import motion_of
 from common.places import LOADED
 
+from vibroplat.config.circular import shown_angle
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.observe import measures as m
-from vibroplat.observe.summary import batch_means_error, block_errors, largest_values, wrap_angle
+from vibroplat.observe.summary import batch_means_error, block_errors, largest_values
 from vibroplat.study.classification import MotionClass, classify
 from vibroplat.study.lyapunov import Exponent
 from vibroplat.study.point import BLOCKS, ERRORS, columns_of
@@ -309,6 +310,20 @@ def test_error_of_a_remainder_that_decays_reaches_down_to_0(decay, share):
     assert block_errors(blocks, ["rms_x_m"])["rms_x_m"] == pytest.approx(share * rms, rel=0.01, abs=1e-12)
 
 
+@pytest.mark.parametrize(("away", "has_error"), [(0.05, True), (1.0, False)])
+def test_phases_of_blocks_scatter_about_their_circular_mean_if_they_have_one(away, has_error):
+    """The first block is at 0 and all others near pi, or all are spread around the circle."""
+    phases = math.pi + away * np.linspace(-math.pi, math.pi, BLOCKS)
+    phases[0] = 0.1
+    blocks = [m.empty_accumulators(0.0) for _ in range(BLOCKS)]
+    for place, block in enumerate(blocks, 1):
+        turned = phases[:place]
+        block.whole[[m.TIME, m.COSINE, m.SINE]] = place, np.cos(turned).sum(), np.sin(turned).sum()
+        block.marks["turns"], block.marks["last"][0] = place + 1, place
+    found = block_errors(blocks, ["phase_difference_rad"])["phase_difference_rad"]
+    assert found == (pytest.approx(batch_means_error(phases), rel=1e-9) if has_error else None)
+
+
 @pytest.mark.parametrize("latched", [False, True])
 def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
     """The tolerance decides how many impacts come before a chatter; a single chatter in the measured part is enough."""
@@ -329,4 +344,4 @@ def test_impacts_per_period_have_no_error_where_latches_end_them(latched):
 def test_angles_near_minus_pi_are_pi():
     pi = math.pi
     told = {-pi: pi, -pi + 0.9e-3: pi, -pi + 1.1e-3: -pi + 1.1e-3, -pi - 0.1: pi - 0.1, pi: pi, 0.0: 0.0}
-    assert {angle: wrap_angle(angle, 1e-3) for angle in told} == pytest.approx(told, abs=1e-12)
+    assert {angle: shown_angle(angle, 1e-3) for angle in told} == pytest.approx(told, abs=1e-12)

@@ -28,7 +28,7 @@ from vibroplat.thresholds.evidence import (
 )
 from vibroplat.thresholds.search import start_key
 from vibroplat.thresholds.study import ThresholdStudy
-from vibroplat.thresholds.values import ScanPoint, evaluate, has_errors, measures_meet
+from vibroplat.thresholds.values import ScanPoint, evaluate, has_errors, measures_meet, relative_difference
 
 KEY = "motor.critical_torque_n_m"
 ASKED = {"key": KEY, "start": 0.0, "stop": 100.0, "scan": 5, "tolerance": 0.5, "expression": "rms_y_m > 0.5"}
@@ -84,6 +84,18 @@ def test_measures_that_meet_within_their_errors_are_no_clear_threshold():
     one, other = (value(at, 0.5 + at / 1e4, rms_y_error_m=0.02) for at in (-1.0, 1.0))
     assert has_errors(one, other, PLAN)
     assert not has_errors(value(-1.0, 0.4999), value(1.0, 0.5001), PLAN)
+
+
+def test_a_phase_difference_that_passes_pi_neither_jumps_nor_crosses_another_level():
+    phases = {10.0: 3.11, 20.0: 3.14159, 30.0: -3.14159, 40.0: -3.11}
+    one, *others = (ScanPoint(at, "scan", {"phase_difference_rad": phase}, [0.0]) for at, phase in phases.items())
+    asked = {how: FindPlan(**ASKED | {"expression": f"phase_difference_rad {how}"}) for how in ("> 3.12", "< -3.0")}
+    assert [value.outcome(asked["> 3.12"]) for value in (one, *others)] == [False, True, True, True]
+    assert [value.outcome(asked["< -3.0"]) for value in (one, *others)] == [True] * 4
+    assert relative_difference(*others[:2], asked["> 3.12"]) == pytest.approx(2.0 * (math.pi - 3.14159))
+    assert measures_meet([(one, others[2]), tuple(others[:2])], asked["> 3.12"])
+    with pytest.raises(ValueError, match="300 is more than a turn, but phase_difference_rad is in rad"):
+        FindPlan(**ASKED | {"expression": "phase_difference_rad > 300"})
 
 
 def test_a_value_that_changes_with_twice_the_time_is_mixed():

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from vibroplat.basin.initial_conditions import initial_states
 from vibroplat.basin.windows import MEASURES, same_motion
 from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
@@ -84,7 +85,7 @@ def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
     if one["row"]["period"] != other["row"]["period"]:
         return False
     away = np.array(other["centres"]) - one["state"]
-    away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
+    away[:, 3:5] = wrap(away[:, 3:5])
     return bool(np.abs(away / scales).max(axis=1).min(initial=np.inf) < SAME_ORBIT_DISTANCE)
 
 

@@ -87,6 +87,7 @@ def cross_check(
     largest, disagreements = 0.0, list[str]()
     for case, record in zip(wanted, records, strict=True):
         known = {name: None if pd.isna(value) else value for name, value in case.row.items()}
+        # A motion and its mirror image have opposite phase differences; same_phase and sync say what they need to.
         names = [name for name in known if name != PHASE_COLUMN]
         if not known.get("period", 1):
             names = ["period"] if same_phase(known, record["row"]) else ["period", "sync"]

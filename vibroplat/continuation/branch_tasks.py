@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.circular import wrap
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
@@ -134,7 +135,7 @@ def _find_pass(row: Record, former: Sequence[Record], values: FloatArray) -> tup
         ways = [[first, second], *([first, second, third] for third in thirds)]
         if any(all(_near(row, *alike, known) for alike in DEVIATIONS.items()) for known in ways):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
-            apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
+            apart, mirrored = (abs(wrap(here - sign * there)) for sign in (1, -1))
             return i, bool(mirrored < apart - 1e-6)
     return None
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.arguments import Keys, validated
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import number, quantity
 from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
@@ -419,7 +420,7 @@ def smallest_period(problem: Problem, result: NewtonResult, period: int) -> int:
     for turns in range(1, period):
         if period % turns == 0:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
-            difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
+            difference[3:5] = wrap(difference[3:5])
             scaled = (difference / problem.shooter.scales)[result.chart.places]
             if np.abs(scaled).max() < REPEAT_RATIO * problem.tolerance:
                 return turns

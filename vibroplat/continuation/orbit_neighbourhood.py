@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.circular import differences
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import RANK_LIMIT, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.orbit import (
@@ -222,7 +223,7 @@ class OrbitNeighbourhood:
                 self._measure(near, self.orbit.u + way, names)
                 for near, way in zip(sides, (change, -change), strict=True)
             )
-            slopes[:, k] = (above - below) / (2.0 * step)
+            slopes[:, k] = differences(names, above, below) / (2.0 * step)
         return slopes, np.full(slopes.shape, np.nan)
 
     @cached_property

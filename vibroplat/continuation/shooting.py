@@ -17,6 +17,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
@@ -349,7 +350,7 @@ class Shooter:
         if len(states) > turns:
             points = np.array(states)
             away = points[turns:] - points[:-turns]
-            away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
+            away[:, 3:5] = wrap(away[:, 3:5])
             yield from points[np.abs(away / self.scales).max(axis=1).argsort()[:MAX_RETURNS]]
 
     def shot(

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from vibroplat.config.circular import differences
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
@@ -120,7 +121,7 @@ class MotionNeighbourhood:
             for n, change in enumerate((step * key, 0.5 * step * key)):
                 above, below = self._step_to(above, change), self._step_to(below, -change)
                 high, low = (np.array([one.measures[name] for name in names], float) for one in (above, below))
-                slopes[n, :, k] = (high - low) / ((above.values - below.values)[k] or np.nan)
+                slopes[n, :, k] = differences(names, high, low) / ((above.values - below.values)[k] or np.nan)
         own, sizes = np.abs(slopes[0] - slopes[1]), np.abs(self.values)
         typical = np.nanmedian(own * sizes, axis=1, keepdims=True) / sizes
         return np.asarray(slopes.mean(axis=0)), np.hypot(own, typical)

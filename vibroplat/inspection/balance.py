@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.inspection.linear import (
@@ -147,7 +148,7 @@ def balances(
     weight = apart[at] / (apart[at] - apart[at + 1])
     crossings = [of[at] + weight * (of[at + 1] - of[at]) for of in (speed, LAG)]
     sense = scene.exciter_pair[0].direction
-    return [Balance(w, lag, math.remainder(sense * lag, TURN)) for w, lag in np.transpose(crossings).tolist()]
+    return [Balance(w, lag, float(wrap(sense * lag))) for w, lag in np.transpose(crossings).tolist()]
 
 
 def all_balances(scene: Scene, supply: Supply) -> list[Balance]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO, by_severity, notes_on_input
@@ -363,7 +364,7 @@ def _loaded_balances(scene: Scene, supply: Supply, empty: Balance) -> list[Balan
     carried = np.interp(balance.LAG, FOLLOWED, motion["carried"], period=TURN)
     grid = np.linspace(0.8 * empty.speed, max(scene.synchronous_speeds_at(supply.frequency)), 200)
     known = balance.balances(scene, supply, grid, carried)
-    return sorted(known, key=lambda one: abs(math.remainder(one.lag - empty.lag, TURN)))
+    return sorted(known, key=lambda one: abs(wrap(one.lag - empty.lag)))
 
 
 def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:

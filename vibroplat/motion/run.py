@@ -15,6 +15,7 @@ from pydantic import InstanceOf
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.config.arguments import TrueOrKeys, validated
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
 from vibroplat.config.plausibility import notes_on_input
@@ -311,7 +312,7 @@ def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not (steady and short) or name not in ("antiphase", "in-phase") or scene.transport is not None:
         return ""
     phases = phases_at(scene, supply_at(scene, end), TURN * measures["excitation_frequency_hz"])
-    apart = np.abs(np.angle(np.exp(1j * (phases - measures["phase_difference_rad"]))))
+    apart = np.abs(wrap(phases - measures["phase_difference_rad"]))
     if not apart.size or apart.min() < OTHER_PHASE:
         return ""
     return (

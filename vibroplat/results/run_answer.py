@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import describe_sync
+from vibroplat.config.circular import degrees_text
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
@@ -162,4 +162,4 @@ def phase_text(summary: Mapping[str, Any]) -> str | None:
     if summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE:
         return "drifts"
     phase = summary["phase_difference_rad"]
-    return None if phase is None else quantity(math.degrees(phase), "°")
+    return None if phase is None else degrees_text(phase)

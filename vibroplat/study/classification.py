@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN
-from vibroplat.config.coordinates import TURN
+from vibroplat.config.circular import wrap
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
@@ -177,7 +177,7 @@ def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """
     if "none" in (one["sync"], other["sync"]) or None in (one.get(PHASE_COLUMN), other.get(PHASE_COLUMN)):
         return bool(one["sync"] == other["sync"])
-    return abs(math.remainder(one[PHASE_COLUMN] - other[PHASE_COLUMN], TURN)) < SAME_PHASE
+    return bool(abs(wrap(one[PHASE_COLUMN] - other[PHASE_COLUMN])) < SAME_PHASE)
 
 
 class Comparison(NamedTuple):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns, split
+from vibroplat.config.circular import shown_angle
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
@@ -37,7 +38,6 @@ from vibroplat.observe.summary import (
     inaccuracy,
     measure,
     synchronization,
-    wrap_angle,
 )
 from vibroplat.study.classification import BLOCKS, MotionClass, SearchBeginning, begin_search, classify
 from vibroplat.study.pool import Task
@@ -383,7 +383,7 @@ def shown_statistics(measures: Mapping[str, Any], scene: Scene, near: float) -> 
     gap, phase = measures["gap_max_m"], measures["phase_difference_rad"]
     return {
         "gap_max_m": 0.0 if gap is None and scene.has_contact else gap,
-        "phase_difference_rad": None if phase is None else wrap_angle(phase, near),
+        "phase_difference_rad": None if phase is None else shown_angle(phase, near),
         "sync": synchronization(measures),
     }
 

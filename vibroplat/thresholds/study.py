@@ -10,8 +10,9 @@ from typing import Unpack
 
 import pandas as pd
 
-from vibroplat.columns import TEXT, Columns, unit_of
-from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
+from vibroplat.columns import TEXT, Columns, is_angle, unit_of
+from vibroplat.config.circular import bound_meaning, value_text
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
@@ -144,7 +145,7 @@ class ThresholdStudy(Study):
             return f"{value.text}{' slow' * value.hangs}"
         column = self.plan.compared[0]
         measure = value.row.get(column)
-        return f"{column} = {quantity(measure, unit_of(column), digits=5)}" if measure is not None else f"no {column}"
+        return f"{column} = {value_text(column, measure, digits=5)}" if measure is not None else f"no {column}"
 
     def _failure(self, value: ScanPoint) -> str:
         where = place_words(column_of(self.plan.key), value.value)
@@ -317,6 +318,9 @@ class ThresholdStudy(Study):
                         f"near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that the "
                         "motion had not left it when it was measured"
                     )
+        if self.plan.compared is not None and is_angle(self.plan.compared[0]):
+            column, how, limit = self.plan.compared
+            yield bound_meaning(column, 1.0 if ">" in how else -1.0, limit)
         if {value.seed for value in every} == {self.scene.run.seed} and self.scene.start_perturbation:
             yield f"with seed {self.scene.run.seed} only: another run.seed disturbs each start otherwise"
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
