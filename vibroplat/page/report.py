@@ -34,7 +34,7 @@ from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import sync_text
 from vibroplat.results.sheet import FURTHER, Row, Sheet
-from vibroplat.results.tables import replace_file, require_replaceable
+from vibroplat.results.tables import as_written, replace_file, require_replaceable
 
 #: How a page begins, whatever wrote it.
 BEGINS = b"<!doctype html"
@@ -88,7 +88,8 @@ def write_report(
     """
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
-    text = Report(find_results(directories), start, stop, mover, progress).page()
+    with as_written(*directories):
+        text = Report(find_results(directories), start, stop, mover, progress).page()
     replace_file(path, lambda file: file.write_text(text, encoding="utf-8", newline="\n"))
     return path
 
