@@ -8,7 +8,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import ShownRun, shown_run
 from vibroplat.page.tables import align_lines, fold, hint, listing, parameters_html, table_html
+from vibroplat.page.text import escape
 from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite

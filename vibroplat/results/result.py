@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 from vibroplat.config.arguments import FileName, validated
 from vibroplat.config.kinds import noun_of
 from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError, TableError
+from vibroplat.errors import ConfigError, TableError, escape_controls
 from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.results.answer import Answer
@@ -244,7 +244,7 @@ class Result:
 
     def __repr__(self) -> str:
         """Return what the command prints."""
-        return f"vibroplat {self.command} {self.name}\n{self.answer}"
+        return escape_controls(f"vibroplat {self.command} {self.name}\n{self.answer}")
 
     def _repr_html_(self) -> str:
         """Return what the command prints, for a notebook."""
