@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+import secrets
 import stat
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.frames import ArrayTable, CategoryColumn, pd, share_descriptions
-from vibroplat.results.locks import is_gone, mark
+from vibroplat.results.locks import is_gone, mark, share
 from vibroplat.system.interrupts import unfinished, watching
 from vibroplat.system.memory import is_short_of_memory
 
@@ -395,12 +396,13 @@ def _temporary(path: Path) -> Iterator[Path]:
     """
     with ExitStack() as stack:
         with watching():
-            handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{mark()}", suffix=path.suffix, dir=path.parent)
-            stack.enter_context(unfinished(temporary := Path(name)))
+            temporary = path.with_name(f".{path.stem}-{mark()}{secrets.token_hex(4)}{path.suffix}")
+            handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+            stack.enter_context(unfinished(temporary))
+            share(temporary)
         try:
             with os.fdopen(handle) as file:
                 now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, of another machine perhaps
-            temporary.chmod(0o644)
             for old in path.parent.glob(f".{path.stem}-*"):
                 rest = old.name.removeprefix(f".{path.stem}-")
                 with suppress(FileNotFoundError):  # another process has removed it
