@@ -12,7 +12,7 @@ and functions of Python where nothing compiled will do.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, nullcontext
 from functools import cache, cached_property
 from types import FunctionType
@@ -255,17 +255,28 @@ class PythonFunction:
 
     def __init__(self, function: Callable[[int], None]) -> None:
         self._error: BaseException | None = None
-
-        def call(number: int) -> int:
-            try:
-                function(number)
-            except BaseException as error:  # C would lose it
-                self._error = error
-                return 0
-            return 1
-
-        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(call)
+        answers = self._answers(function)
+        next(answers)
+        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(answers.send)
         self.address = ctypes.cast(self._kept, ctypes.c_void_p).value or 0
+
+    def _answers(self, function: Callable[[int], None]) -> Generator[int, int, None]:
+        """Call the function with each number that is sent, and yield whether it has returned.
+
+        C would lose an exception. Handlers of signals that came meanwhile run when Python goes on, and may raise: in a
+        generator that is where it waits, in a function before its first line.
+        """
+        answer = 1
+        while True:
+            try:
+                while True:
+                    number = yield answer
+                    function(number)
+                    answer = 1
+            except GeneratorExit:
+                return
+            except BaseException as error:
+                self._error, answer = error, 0
 
     def check(self) -> None:
         """Raise what the function has raised."""
