@@ -12,8 +12,8 @@ and functions of Python where nothing compiled will do.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Generator
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cache, cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
@@ -37,6 +37,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import KernelCache, cache_of, folder
 from vibroplat.kernels.target import TARGET, WIDE_TARGET, InsideLibrary
 from vibroplat.system.compile_lock import is_second, locked
+from vibroplat.system.interrupts import handlers_put_off
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -76,9 +77,16 @@ if _records_are_as_expected():  # otherwise numba's own way stays
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def _locked(cache: Any, sig: Any) -> AbstractContextManager[None]:
-    """Wait while another process compiles a kernel for a signature, and keep others from doing so."""
-    return locked(folder(), cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
+@contextmanager
+def _locked(cache: Any, sig: Any) -> Iterator[None]:
+    """Wait while another process compiles a kernel for a signature, and keep others from doing so.
+
+    A time limit of a program ends it only when the kernel is there: an exception would be lost where LLVM calls Python,
+    and numba would not find the attributes any more that it was about to register.
+    """
+    lock = locked(folder(), cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
+    with lock, handlers_put_off():
+        yield
 
 
 class _Dispatcher(CPUDispatcher):

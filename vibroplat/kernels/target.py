@@ -23,8 +23,6 @@ from numba.core.codegen import JITCodeLibrary, JITCPUCodegen, get_host_cpu_featu
 from numba.core.registry import CPUTarget, cpu_target
 from numba.core.utils import threadsafe_cached_property
 
-from vibroplat.system.interrupts import handlers_put_off
-
 #: Generic processors by machine, and what a processor must have of the names that LLVM gives its features.
 GENERIC = {
     "x86_64": ("x86-64-v3", "cx16 sahf popcnt sse3 ssse3 sse4.1 sse4.2 avx avx2 bmi bmi2 f16c fma lzcnt movbe xsave"),
@@ -96,18 +94,8 @@ class _NoMachineCode:
         """Do nothing: an environment is for exceptions and objects of Python, which no kernel has."""
 
 
-class _Library(JITCodeLibrary):
-    """Machine code; what handlers of signals raise is not lost in LLVM, which calls Python while it loads that."""
-
-    def _finalize_specific(self) -> None:
-        with handlers_put_off():
-            super()._finalize_specific()  # type: ignore[no-untyped-call]
-
-
 class _Codegen(JITCPUCodegen):
     """Numba's generator of machine code, for a processor."""
-
-    _library_class = _Library
 
     def __init__(self, name: str, made_for: tuple[str, str]) -> None:
         self._made_for = made_for
