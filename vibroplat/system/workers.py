@@ -29,7 +29,7 @@ from traceback import format_exception
 from typing import Any
 
 from vibroplat.system.forks import lock
-from vibroplat.system.interrupts import without_interrupts
+from vibroplat.system.interrupts import handlers_put_off, without_interrupts
 from vibroplat.system.memory import control_groups
 from vibroplat.system.terminal import open_streams
 
@@ -80,7 +80,8 @@ class Workers:
         self._threads = list[threading.Thread]()
         try:
             for _ in range(count):
-                self._processes.append(_start())
+                with handlers_put_off():  # a process that nobody knows would stay
+                    self._processes.append(_start())
                 thread = threading.Thread(target=self._serve, args=(self._processes[-1],), daemon=True)
                 thread.start()
                 self._threads.append(thread)
