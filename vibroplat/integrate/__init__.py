@@ -8,7 +8,6 @@ engine by :mod:`~vibroplat.integrate.stepwise`.
 from __future__ import annotations
 
 import logging
-import threading
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -17,6 +16,7 @@ from vibroplat.hybrid.state import MARGIN, empty_steps
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.kernels.engines import ENGINES, uses_sundials
 from vibroplat.system import memory
+from vibroplat.system.forks import lock
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
 
-_FINDING = threading.Lock()
+_FINDING = lock()
 _LOG = logging.getLogger("vibroplat")
 
 

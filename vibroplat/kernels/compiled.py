@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
@@ -38,6 +38,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import KernelCache, cache_of, folder
 from vibroplat.kernels.target import TARGET, WIDE_TARGET, InsideLibrary
 from vibroplat.system.compile_lock import is_second, locked
+from vibroplat.system.interrupts import handlers_put_off
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -77,9 +78,16 @@ if _records_are_as_expected():  # otherwise numba's own way stays
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
-def _locked(cache: Any, sig: Any) -> AbstractContextManager[None]:
-    """Wait while another process compiles a kernel for a signature, and keep others from doing so."""
-    return locked(folder(), cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
+@contextmanager
+def _locked(cache: Any, sig: Any) -> Iterator[None]:
+    """Wait while another process compiles a kernel for a signature, and keep others from doing so.
+
+    A time limit of a program ends it only when the kernel is there: an exception would be lost where LLVM calls Python,
+    and numba would not find the attributes any more that it was about to register.
+    """
+    lock = locked(folder(), cache.number(sig)) if isinstance(cache, KernelCache) else nullcontext()
+    with lock, handlers_put_off():
+        yield
 
 
 class _Dispatcher(CPUDispatcher):
@@ -303,17 +311,28 @@ class PythonFunction:
 
     def __init__(self, function: Callable[[int], None]) -> None:
         self._error: BaseException | None = None
-
-        def call(number: int) -> int:
-            try:
-                function(number)
-            except BaseException as error:  # C would lose it
-                self._error = error
-                return 0
-            return 1
-
-        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(call)
+        answers = self._answers(function)
+        next(answers)
+        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(answers.send)
         self.address = ctypes.cast(self._kept, ctypes.c_void_p).value or 0
+
+    def _answers(self, function: Callable[[int], None]) -> Generator[int, int, None]:
+        """Call the function with each number that is sent, and yield whether it has returned.
+
+        C would lose an exception. Handlers of signals that came meanwhile run when Python goes on, and may raise: in a
+        generator that is where it waits, in a function before its first line.
+        """
+        answer = 1
+        while True:
+            try:
+                while True:
+                    number = yield answer
+                    function(number)
+                    answer = 1
+            except GeneratorExit:
+                return
+            except BaseException as error:
+                self._error, answer = error, 0
 
     def check(self) -> None:
         """Raise what the function has raised."""
