@@ -47,7 +47,7 @@ BLOCKS = (4, 8, 16)
 #: torus with blocks of 60, and 0.3 … 2 in chaos.
 REGULAR_ERROR_RATIO, MIN_SMOOTH_GROWTHS = 0.1, 24
 #: Largest difference of the exponents of both halves of the growth, in their joint standard errors. Of 1149 aperiodic
-#: motions three exceed it.
+#: motions one exceeds it.
 MAX_HALF_DIFFERENCE = 3.0
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
