@@ -62,9 +62,8 @@ WINDOWS = 12
 CLASS_MEASURES, MIN_CLASS_WIDTH = ("rms_x_m", "rms_y_m", "rms_phi_rad"), 0.02
 #: Measures that are compared between both halves of a window of aperiodic motion, and the largest difference of their
 #: means, in standard errors of independent blocks. The largest ratio of variances is that of measures not made of rare
-#: events. Smallest difference of mean phase differences that counts (rad). Of 560 aperiodic rows of random machines, 28
-#: change so; measured again, two of them repeat and nine still change. Rows whose measures differ by more than four
-#: errors from those of the next 1000 s: 17 without the comparison and that of rare events, 7 with both.
+#: events. Smallest difference of mean phase differences that counts (rad). Of 560 aperiodic rows of random machines, 30
+#: change so; measured longer, two of them repeat and eight still change.
 SCATTERING_MEASURES = (*CLASS_MEASURES, "excitation_frequency_hz", "motor_power_w")
 EVENT_MEASURES = ("flight_fraction", "impacts_per_period")
 COMPARED_MEASURES = (*SCATTERING_MEASURES, *EVENT_MEASURES, PHASE_COLUMN)
