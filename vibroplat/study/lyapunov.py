@@ -46,8 +46,7 @@ BLOCKS = (4, 8, 16)
 #: 4111): below this ratio of both errors, of blocks of at least so many growths, the motion is regular. It is 0.01 on a
 #: torus with blocks of 60, and 0.3 … 2 in chaos.
 REGULAR_ERROR_RATIO, MIN_SMOOTH_GROWTHS = 0.1, 24
-#: Largest difference of the exponents of both halves of the growth, in their joint standard errors. Of 1149 aperiodic
-#: motions one exceeds it.
+#: Largest difference of the exponents of both halves of the growth, in their joint standard errors.
 MAX_HALF_DIFFERENCE = 3.0
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
