@@ -247,7 +247,7 @@ def settled(config, frequency, changes=None, turns=None):
 
 def test_no_exponent_where_the_exciter_stands_still():
     scene = load_config(MACHINE, {"run.initial.speed_ratio": 0.0, "motor.critical_torque_n_m": 0.0})
-    assert np.isnan(largest_exponent(scene, initial_state(scene))).all()
+    assert np.isnan(largest_exponent(scene, initial_state(scene))[:3]).all()
     with pytest.raises(MotionError, match="no Lyapunov exponents: exciter 1 stopped turning before"):
         lyapunov(scene)
 
@@ -255,7 +255,7 @@ def test_no_exponent_where_the_exciter_stands_still():
 def test_no_exponent_where_the_motion_ends_early():
     scene, state = settled(MACHINE, 62.5, CHAOTIC, 20)
     scene = scene.replace({"solver.max_events_per_period": 1})
-    assert np.isnan(largest_exponent(scene, state)).all()
+    assert np.isnan(largest_exponent(scene, state)[:3]).all()
     with pytest.raises(MotionError, match=r"the motion ended early \(too-many-events\)"):
         lyapunov(scene, state)
 

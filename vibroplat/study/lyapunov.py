@@ -46,6 +46,8 @@ BLOCKS = (4, 8, 16)
 #: 4111): below this ratio of both errors, of blocks of at least so many growths, the motion is regular. It is 0.01 on a
 #: torus with blocks of 60, and 0.3 … 2 in chaos.
 REGULAR_ERROR_RATIO, MIN_SMOOTH_GROWTHS = 0.1, 24
+#: Largest difference of the exponents of both halves of the growth, in their joint standard errors.
+MAX_HALF_DIFFERENCE = 3.0
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
 MAX_RELATIVE_ERROR, MAX_ERROR_PER_TURN = 1.0 / 6.0, 3e-4
@@ -74,11 +76,14 @@ class Exponent(NamedTuple):
         Exponent and its standard error (1/s), from the scatter of blocks; nan if the motion ended early.
     turn
         Mean duration of a turn of exciter 1 (s).
+    steady
+        Whether both halves of the measured growth give the same exponent.
     """
 
     value: float
     error: float
     turn: float
+    steady: bool = True
 
     @property
     def sign(self) -> int:
@@ -330,7 +335,17 @@ def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
         if smooth < REGULAR_ERROR_RATIO * errors[0]:
             weights = _bump(len(growth))
             return Exponent(float(weights @ growth / (weights @ seconds)), smooth, turn)
-    return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn)
+    return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn, _is_steady(growth, seconds))
+
+
+def _is_steady(growth: FloatArray, seconds: FloatArray) -> bool:
+    """Whether both halves of the growth have the same mean per second, within the scatter of their blocks."""
+    half = len(growth) // 2
+    means, errors = list[float](), list[float]()
+    for part in (slice(half), slice(half, None)):
+        means.append(float(growth[part].sum() / seconds[part].sum()))
+        errors.append(max(_scatter(growth[part], seconds[part], count) for count in BLOCKS[:2]))
+    return abs(means[1] - means[0]) <= MAX_HALF_DIFFERENCE * math.hypot(*errors)
 
 
 def _scatter(growth: FloatArray, seconds: FloatArray, count: int) -> float:
