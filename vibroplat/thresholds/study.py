@@ -157,8 +157,10 @@ class ThresholdStudy(Study):
             return self._no_threshold(every)
         lines = [line for zone in zones for line in self._lines_of(zone)]
         mixed = [zone for zone in zones if zone.mixed]
-        if len(zones) == len(mixed) == 1:
-            return lines[0], lines[1:]
+        if len(zones) == len(mixed) == 1:  # the answer first, then the interval and its other side
+            wants_above = is_wanted(zones[0], True, self.plan) or not is_wanted(zones[0], False, self.plan)
+            headline, *others = self._mixed_lines(zones[0])[:: -1 if wants_above else 1]
+            return f"{self.plan.key} {headline}", others
         if len(thresholds) == 1:
             clear = [self._clear(zones[0], upward) for upward in (False, True) if zones[0].side(upward).sure]
             return self._threshold(thresholds[0]), [*self._both_sides(thresholds[0]), *clear]
@@ -173,8 +175,10 @@ class ThresholdStudy(Study):
         sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "near each change"
         if sure:
             risk = f"less than {percent(max(side.max_other_fraction for side in sure))} of other starts {where} differ"
-            beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
-            yield f"{risk} ({given(100.0 - 100.0 * ERROR_PROBABILITY)} % confidence); {beyond}"
+            nearest = {side.values[0].value for side in sure}
+            beyond = {(value.value, value.seed) for side in sure for value in side.values if value.value not in nearest}
+            confidence = f"{given(100.0 - 100.0 * ERROR_PROBABILITY)} % confidence"
+            yield f"{risk} ({confidence}); none of {len(beyond)} beyond does"
         if self.plan.expression is None and any(side.slow for side in sides):
             counts = [f"{side.slow} of {side.tried}" for side in sides]
             yield _slow(f"{'; '.join(map(' → '.join, zip(counts[::2], counts[1::2], strict=True)))} starts")
@@ -206,7 +210,8 @@ class ThresholdStudy(Study):
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
         if zone.mixed:
-            return list(self._mixed_lines(zone))
+            below, *others = self._mixed_lines(zone)
+            return [f"{self.plan.key} {below}", *others]
         sides = [dict.fromkeys((self._side(one.low), self._side(one.high))) for one in zone.thresholds]
         return [f"{self._threshold(one)}: {' → '.join(side)}" for one, side in zip(zone.thresholds, sides, strict=True)]
 
@@ -241,15 +246,13 @@ class ThresholdStudy(Study):
             return "the measures on both sides meet"
         return KIND_TEXTS.get(one.kind, one.kind)
 
-    def _mixed_lines(self, zone: Zone) -> Iterator[str]:
-        """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
-        downward = is_wanted(zone, False, self.plan) and not is_wanted(zone, True, self.plan)
-        yield f"{self.plan.key} {self._clear(zone, not downward)}"
+    def _mixed_lines(self, zone: Zone) -> tuple[str, str, str]:
+        """Return the lines of a mixed interval: below it, in it, above it."""
         good = [value for value in zone.mixed if value.is_classified(self.plan)]
         outcomes = Counter(self._outcome(value, speed=True) for value in good).most_common()
         counted = ", ".join(f"{outcome} {count}" for outcome, count in outcomes)
-        yield f"mixed {self._interval(zone)}: {counted} of {len(good)} starts"
-        yield self._clear(zone, downward)
+        mixed = f"mixed {self._interval(zone)}: {counted} of {len(good)} starts"
+        return self._clear(zone, False), mixed, self._clear(zone, True)
 
     def _interval(self, zone: Zone) -> str:
         """Return a mixed interval, its ends rounded outward."""
@@ -270,7 +273,8 @@ class ThresholdStudy(Study):
         if clear.nearest is None:
             way = "above" if upward else "below"
             end = f"{way} {self._ends(zone)[upward]} {unit_of(self.plan.key)}".rstrip()
-            return f"{end}: unknown, because the mixed interval reaches the end of the range"
+            reached = "end of the range" if clear.limit in (self.plan.start, self.plan.stop) else "next change"
+            return f"{end}: unknown, because the mixed interval reaches the {reached}"
         unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
         outcome = self._outcome(clear.nearest)
         if self.plan.expression is not None:
