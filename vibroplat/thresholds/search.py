@@ -58,6 +58,9 @@ MAX_GRADUAL = 0.1
 #: Most starts whose time is measured, and chains in which those of a round are made: each chain ends at its first
 #: contradiction.
 TIMED_STARTS, CHAINS = 20, 8
+#: Starts at the nearest value of a round in batches, each after the one before has found no contradiction. Where every
+#: second start differs, 8 show it in 255 of 256 cases, and where every tenth does, in 4 of 7.
+BATCHES = (CHAINS, 3 * CHAINS, STARTS - 4 * CHAINS)
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
@@ -325,7 +328,7 @@ class ThresholdSearch:
             if not ends or number == MAX_ROUNDS:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
-            self._run(f"beyond-{number}", [tasks for end in ends for tasks in self._beyond(*end)])
+            self._challenge_ends(f"beyond-{number}", ends)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
@@ -343,24 +346,37 @@ class ThresholdSearch:
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
-    def _beyond(self, zone: Zone, upward: bool) -> Iterator[Tasks[tuple[None, list[ScanPoint]]]]:
-        """Yield the chains of a round beyond an end of a zone: starts at the nearest value, and one at each other."""
+    def _challenge_ends(self, name: str, ends: Sequence[tuple[Zone, bool]]) -> None:
+        """Make a round of starts beyond ends of zones, in batches of which the first contradiction at an end is the last."""
+        for batch, starts in enumerate(BATCHES):
+            chains = [list(self._beyond(*end, batch, starts)) for end in ends]
+            contradicted = iter(self._run(f"{name}-{batch}", [tasks for tasks_of in chains for tasks in tasks_of]))
+            found = [any(list(islice(contradicted, len(tasks_of)))) for tasks_of in chains]
+            ends = [end for end, differs in zip(ends, found, strict=True) if not differs]
+
+    def _beyond(
+        self, zone: Zone, upward: bool, batch: int, starts: int
+    ) -> Iterator[Tasks[tuple[bool, list[ScanPoint]]]]:
+        """Yield the chains of a batch beyond an end of a zone, with the first one also a start at each other value."""
+        nearest, *others = self._places.beyond(zone, upward) or [None]
         unsure = self.disturbed and is_wanted(zone, upward, self.plan) and not zone.side(upward).sure
-        for place, at in enumerate(self._places.beyond(zone, upward)):
-            seeds = list(islice(self._seeds, STARTS if unsure and not place else 1))
-            yield from (self._challenge(at, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
+        if nearest is not None and (unsure or batch == 0):
+            seeds = list(islice(self._seeds, starts if unsure else 1))
+            yield from (self._challenge(nearest, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS]))
+        if batch == 0:
+            yield from (self._challenge(at, [next(self._seeds)], zone, upward) for at in others)
 
     def _challenge(
         self, at: float, seeds: Sequence[int], zone: Zone, upward: bool
-    ) -> Tasks[tuple[None, list[ScanPoint]]]:
-        """Evaluate one value with these seeds, until one contradicts what is known beyond this end of a zone."""
+    ) -> Tasks[tuple[bool, list[ScanPoint]]]:
+        """Evaluate a value with these seeds until one contradicts what is known beyond an end of a zone; whether so."""
         evaluated: list[ScanPoint] = []
         nearest = zone.side(upward).nearest
         for seed in seeds:
             evaluated.append((yield from self._value(at, "beyond", other=seed)))
             if nearest is None or self._differ(nearest, evaluated[-1]):
-                break
-        return None, evaluated
+                return nearest is not None, evaluated
+        return False, evaluated
 
     def start_times(self, at: float) -> list[float]:
         """Return how long starts at a value that was evaluated take (s), of those without a slow motor."""
