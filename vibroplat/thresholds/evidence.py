@@ -27,6 +27,8 @@ CLEAR_DISTANCE_RATIO, VALUES_PER_ROUND = 0.08, 30
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
 VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
+#: Kind of a change between neighbours of the scan that is not narrowed, as attractors cannot be told apart.
+NOT_NARROWED = "not-narrowed"
 
 
 class Threshold(NamedTuple):
@@ -56,43 +58,43 @@ class ClearRange(NamedTuple):
 
     Attributes
     ----------
-    values
-        One for each start, with another value of the key or another seed, the nearest to the threshold first. The first
-        ones are at the value at which many starts were made, or else at any; empty if there is none.
+    all_starts
+        One value for each start, with another value of the key or another seed, the nearest to the threshold first.
+        The first ones are at the value at which many starts were made, or else at any; empty if there is none.
     unknown
-        Number of values at which the outcome is unknown; they are not in ``values``.
+        Number of values at which the outcome is unknown; they are not in ``all_starts``.
     limit
         Where the next threshold or mixed interval begins, or the end of the range.
     """
 
-    values: Sequence[ScanPoint]
+    all_starts: Sequence[ScanPoint]
     unknown: int
     limit: float
 
     @property
     def nearest(self) -> ScanPoint | None:
-        """The first of the values; None if there is none."""
-        return self.values[0] if self.values else None
+        """The first of them; None if there is none."""
+        return self.all_starts[0] if self.all_starts else None
 
     @property
     def last(self) -> float:
         """Value of the key that is farthest from the threshold."""
-        return self.values[-1].value if self.values else math.nan
+        return self.all_starts[-1].value if self.all_starts else math.nan
 
     @property
     def starts(self) -> int:
         """Number of starts at the nearest value, each with another seed."""
-        return sum(value.value == self.values[0].value for value in self.values)
+        return sum(value.value == self.all_starts[0].value for value in self.all_starts)
 
     @property
     def tried(self) -> int:
         """Number of these starts and of those beyond."""
-        return len(self.values)
+        return len(self.all_starts)
 
     @property
     def slow(self) -> int:
         """Number of starts there after which an exciter stays far below its synchronous speed."""
-        return sum(value.hangs for value in self.values)
+        return sum(value.hangs for value in self.all_starts)
 
     @property
     def sure(self) -> bool:
@@ -232,9 +234,7 @@ def _neighbours(hulls: Sequence[_Hull]) -> list[tuple[_Hull | None, _Hull | None
     return list(zip([None, *hulls[:-1]], [*hulls[1:], None], strict=True)) if hulls else []
 
 
-def _zone(
-    hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, before: _Hull | None, after: _Hull | None
-) -> Zone:
+def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, before: _Hull | None, after: _Hull | None) -> Zone:
     """Return what is known around a hull, from ``known`` values in ascending order, up to the hulls next to it."""
     first, last = hull.core
     mixed = [value for value in known if hull.is_mixed and first <= value.value <= last]

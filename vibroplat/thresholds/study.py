@@ -27,13 +27,16 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-from vibroplat.thresholds.evidence import ERROR_PROBABILITY, ClearRange, Threshold, Zone, facts, is_wanted
+from vibroplat.thresholds.distinct import Indistinct, measures_to_ask
+from vibroplat.thresholds.evidence import ERROR_PROBABILITY, NOT_NARROWED, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
 from vibroplat.thresholds.tables import POINT_COLUMNS, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
 from vibroplat.thresholds.values import ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
 KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
+#: Largest number of motions that show that attractors cannot be told apart, and of expressions that are proposed.
+MAX_LISTED = 3
 #: Outcomes of an expression in words.
 OUTCOME_TEXTS = {True: "true", False: "false", None: "empty"}
 
@@ -79,8 +82,11 @@ class ThresholdStudy(Study):
             "values": f"{len(scan)} of the scan, {len(search.evaluated)} more, with {counted(seeds, 'seed')}",
             "thresholds": str(len(thresholds)),
         }
-        headline, short = self._short(zones, every)
-        short += [*self._promise(zones), *self._start_line(search, zones)]
+        if search.indistinct is not None:
+            headline, short = self._indistinct(search.indistinct, zones, every)
+        else:
+            headline, short = self._short(zones, every)
+            short += [*self._promise(zones), *self._start_line(search, zones)]
         failed = [self._failure(value) for value in every if value.failed]
         answer = Answer(lines, (), list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
@@ -92,7 +98,7 @@ class ThresholdStudy(Study):
         values = values[values["outcome"] == "ok"]
         for _, row in result.thresholds.iterrows():
             mixed = pd.notna(row["mixed_low"])
-            if self.plan.from_ == "previous" or (row["kind"] == "unresolved-transient" and not mixed):
+            if self.plan.from_ == "previous" or (row["kind"] in ("unresolved-transient", NOT_NARROWED) and not mixed):
                 continue
             for side in ("below", "above"):
                 at, seed = float(row[side]), self.scene.run.seed
@@ -169,14 +175,37 @@ class ThresholdStudy(Study):
         ends = place_words(column_of(self.plan.key), self.plan.start, self.plan.stop)
         return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", lines
 
+    def _indistinct(
+        self, found: Indistinct, zones: Sequence[Zone], every: Sequence[ScanPoint]
+    ) -> tuple[str, list[str]]:
+        """Return the headline and the lines below it where attractors cannot be told apart."""
+        key = column_of(self.plan.key)
+        lines = []
+        for one, other in found.pairs[:MAX_LISTED]:
+            how = "twice the settling time" if other.seed == one.seed else "another seed"
+            lines.append(f"at {place_words(key, one.value)}: {one.text}; with {how}: {other.text}")
+        for one in found.late[:MAX_LISTED]:
+            after = quantity(one.row["settle_s"], "s", digits=2)
+            lines.append(f"at {place_words(key, one.value)}: {one.text} only after {after} of another motion")
+        for change in [one for zone in zones for one in zone.thresholds if one.low.row["sync"] != one.high.row["sync"]]:
+            between = f"{place_words(key, change.low.value)} and {place_words(key, change.high.value)}"
+            lines.append(f"between {between}: {change.low.text} → {change.high.text}")
+        asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
+        lines.append("ask for the synchronization instead: find.compare: regime")
+        if asked:
+            lines.append(f"or for a measure that was repeated there, find.expression: {asked}")
+        where = place_words(key, found.low, found.high)
+        return f"attractors cannot be told apart over {where}: their classes depend on seed or settling time", lines
+
     def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
         sides = [zone.side(upward) for zone in zones for upward in (False, True)]
         sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "near each change"
         if sure:
             risk = f"less than {percent(max(side.max_other_fraction for side in sure))} of other starts {where} differ"
-            nearest = {side.values[0].value for side in sure}
-            beyond = {(value.value, value.seed) for side in sure for value in side.values if value.value not in nearest}
+            tried = {(value.value, value.seed) for side in sure for value in side.all_starts}
+            nearest = {side.all_starts[0].value for side in sure}
+            beyond = [at for at, _ in tried if at not in nearest]
             confidence = f"{given(100.0 - 100.0 * ERROR_PROBABILITY)} % confidence"
             yield f"{risk} ({confidence}); none of {len(beyond)} beyond does"
         if self.plan.expression is None and any(side.slow for side in sides):
