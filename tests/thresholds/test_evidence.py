@@ -398,6 +398,38 @@ def test_rounds_that_end_early_are_told_of_sharp_and_of_mixed_changes(measures):
     assert note == f"outcomes may be mixed beyond the {told}"
 
 
+@pytest.mark.parametrize("luck", ["", "seed", "time", "late"])
+def test_attractors_are_told_apart_only_where_seed_and_time_do_not_change_the_class(known, monkeypatch, luck):
+    """Beside chaos; otherwise measures are named that can be asked for, at the cost of a sweep."""
+
+    def beside_chaos(scene, plan, state, times, key):
+        point, at = known(scene, plan, state, times, key), scene.motor.critical_torque_n_m
+        orbit = at < 45.0
+        chance = (luck == "seed" and key[0] % 2 == 1) or (luck == "time" and times == 2)
+        orbit = orbit != (chance and 20.0 < at < 70.0)
+        point.row.update(sync="in-phase" if at > 85.0 else "antiphase", rms_y_m=1e-3 + 1e-5 * at, settle_s=1.0)
+        point.row.update(motion="periodic" if orbit else "chaotic", period=int(orbit))
+        point.row["multiplier_max"] = 0.5 if orbit else None
+        point.row["settle_s"] = 60.0 if luck == "late" and orbit else 1.0
+        return point
+
+    monkeypatch.setattr(search, "evaluate", beside_chaos)
+    monkeypatch.setattr(search.ThresholdSearch, "_continuous", lambda *_: False)
+    plan = {name: ASKED[name] for name in ("key", "start", "tolerance")} | {"stop": 90.0, "scan": 10}
+    found = find(Scene().replace({"find": plan}))
+    told = [found.answer.headline, *found.answer.short]
+    if not luck:
+        assert "not-narrowed" not in set(found.thresholds["kind"])
+        assert not any("told apart" in line for line in told)
+        return
+    assert told[0].startswith("attractors cannot be told apart over")
+    assert "40 … 50" in told[0]
+    assert "find.compare: regime" in told[-2]
+    assert '"rms_y_m > 0.00145" (1.40 … 1.50 mm there)' in told[-1]
+    assert set(found.thresholds["kind"]) == {"not-narrowed"}
+    assert len(found.scan) <= 10 + 12 + 4, "nothing is narrowed"
+
+
 def test_measures_that_meet_do_not_make_a_change_of_synchronization_sharp(known, monkeypatch):
     """Where motion has not settled, measures are so uncertain that they meet: other seeds may still decide."""
 

@@ -20,6 +20,8 @@ from vibroplat.thresholds.values import NOISE_ERRORS, ScanPoint
 #: Measures that may be asked for instead, and the largest difference of repetitions relative to their range.
 MEASURES = ("rms_y_m", "rms_x_m", "excitation_frequency_hz", "flight_fraction", "motor_power_w")
 MAX_SCATTER = 0.05
+#: Amplitude (m) below which a vibration is a remainder.
+NEGLIGIBLE_M = 1e-7
 #: Fraction of the maximum settling time after which a motion beside an aperiodic one comes to its orbit by chance: with
 #: a quarter of the time it would have had another class. Where chaos is a transient, its durations are distributed
 #: exponentially.
@@ -79,9 +81,9 @@ def indistinct(doubtful: Sequence[Pair], values: Sequence[ScanPoint], plan: Find
 
 
 def measures_to_ask(found: Indistinct, values: Sequence[ScanPoint]) -> list[str]:
-    """Return expressions of measures that keep their values with other seeds and times in a range, with their ranges.
+    """Return expressions of measures that vary over a range, with a level in its middle.
 
-    A level in the middle is proposed for each.
+    A measure that another seed or time changed there is left out, and so is a remainder of symmetric motion.
     """
     inside = sorted((one for one in values if found.low <= one.value <= found.high), key=lambda one: one.value)
     asked = []
@@ -89,6 +91,8 @@ def measures_to_ask(found: Indistinct, values: Sequence[ScanPoint]) -> list[str]
         rows = [one for one in inside if one.row.get(name) is not None]
         numbers = [one.row[name] for one in rows]
         span = max(numbers, default=0.0) - min(numbers, default=0.0)
+        if name.endswith("_m") and span < NEGLIGIBLE_M:
+            continue
         if span > MAX_SCATTER * max(map(abs, numbers), default=0.0) and _is_repeated(rows, name, MAX_SCATTER * span):
             level = given(float(f"{min(numbers) + 0.5 * span:.3g}"))
             there = interval(min(numbers), max(numbers), unit_of(name), digits=3)

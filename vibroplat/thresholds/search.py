@@ -395,15 +395,15 @@ class ThresholdSearch:
         self, zone: Zone, upward: bool, batch: int, starts: int
     ) -> Iterator[Tasks[tuple[bool, list[ScanPoint]]]]:
         """Yield the chains of a batch beyond an end of a zone, with the first one also a start at each other value."""
-        nearest, *others = self._places.beyond(zone, upward) or [None]
+        places = self._places.beyond(zone, upward)
         unsure = self.disturbed and is_wanted(zone, upward, self.plan) and not zone.side(upward).sure
-        if nearest is not None and (unsure or batch == 0):
+        if places and (unsure or batch == 0):
             seeds = list(islice(self._seeds, starts if unsure else 1))
             yield from (
-                self._challenge(nearest, part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS])
+                self._challenge(places[0], part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS])
             )
         if batch == 0:
-            yield from (self._challenge(at, [next(self._seeds)], zone, upward) for at in others)
+            yield from (self._challenge(at, [next(self._seeds)], zone, upward) for at in places[1:])
 
     def _challenge(
         self, at: float, seeds: Sequence[int], zone: Zone, upward: bool

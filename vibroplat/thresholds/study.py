@@ -188,12 +188,12 @@ class ThresholdStudy(Study):
             after = quantity(one.row["settle_s"], "s", digits=2)
             lines.append(f"at {place_words(key, one.value)}: {one.text} only after {after} of another motion")
         for change in [one for zone in zones for one in zone.thresholds if one.low.row["sync"] != one.high.row["sync"]]:
-            between = f"{place_words(key, change.low.value)} and {place_words(key, change.high.value)}"
-            lines.append(f"between {between}: {change.low.text} → {change.high.text}")
+            where = place_words(key, change.low.value, change.high.value)
+            lines.append(f"between {where}: {change.low.text} → {change.high.text}")
         asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
         lines.append("ask for the synchronization instead: find.compare: regime")
         if asked:
-            lines.append(f"or for a measure that was repeated there, find.expression: {asked}")
+            lines.append(f"or for a measure, find.expression: {asked}")
         where = place_words(key, found.low, found.high)
         return f"attractors cannot be told apart over {where}: their classes depend on seed or settling time", lines
 
