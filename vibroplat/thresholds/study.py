@@ -12,7 +12,7 @@ import pandas as pd
 
 from vibroplat.columns import TEXT, Columns, is_angle, unit_of
 from vibroplat.config.circular import bound_meaning, value_text
-from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
