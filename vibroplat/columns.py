@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 #: Units by the ends of names, longer ends before those that they end with.
 UNITS = {
@@ -181,6 +181,14 @@ def describe_sync(sync: str, rotation: str) -> str:
 
 
 PHASE_COLUMN = "phase_difference_rad"
+
+
+def name_regime(row: Mapping[str, Any]) -> str:
+    """Name the regime of a row of a sweep, or the outcome of one that ended early."""
+    if row.get("outcome", "ok") != "ok":
+        return f"none, {row['outcome']}"
+    motion = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
+    return f"{row['sync']}, {motion}"
 
 
 def is_angle(name: str) -> bool:

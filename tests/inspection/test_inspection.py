@@ -304,3 +304,30 @@ def test_a_motor_that_fails_is_held_by_the_platform_as_a_run_shows():
     found = load_config(CONFIGS / "templates/heavy-screen.yaml", changes).inspect()
     assert found["expected"] == "antiphase"
     assert found["excitation_frequency_2_hz"] == pytest.approx(16.322, rel=1e-3)
+
+
+def test_co_rotating_exciters_that_only_rock_the_machine_are_noted():
+    """The distance is where the forces of both are a quarter of a turn apart, far above resonances."""
+
+    def noted(half):
+        exciters = {
+            f"exciters.{i}": {"rotation": "clockwise", "position_m": [x, 0.5]} for i, x in enumerate((half, -half))
+        }
+        found = load_config(CONFIGS / "templates" / "screen.yaml", {"material.mass_ratio": 0.0} | exciters).inspect()
+        rocks = [note for note in found.answer.notes if "rock the machine" in note]
+        return found["phase_difference_rad"], rocks
+
+    phase, (note,) = noted(0.25)
+    assert abs(phase) > 2.9
+    assert re.search(r"strokes are 9\.\d % of .* 2\.31 m apart and more on the same line, instead of 0\.500 m", note)
+    assert noted(1.17)[1] == []
+    assert abs(noted(1.16)[0]) == pytest.approx(0.5 * math.pi, abs=0.05)
+
+
+def test_flights_longer_than_a_period_are_noted_where_material_is_conveyed():
+    feeder = load_config(CONFIGS / "examples" / "conveying.yaml")
+    fast = feeder.replace({"drive.supply_frequency_hz": 80.0})
+    assert [sum("above 3.30 a flight" in note for note in one.inspect().answer.notes) for one in (feeder, fast)] == [
+        0,
+        1,
+    ]

@@ -8,11 +8,12 @@ only, remaining transients, and the scatter of motion that does not repeat.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from vibroplat.columns import name_regime
 from vibroplat.config.circular import differences
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
@@ -51,14 +52,6 @@ def brief_plan(scene: Scene, settling: float = 1.0, measures_at: float = 1.0, **
     times = {"max_settle_s": settling * MAX_SETTLING_TURNS * turn, "measure_s": measures_at * MEASURED_TURNS * turn}
     how = {"settle_by": "section", "perturbation": START_DISTANCE, "lyapunov": False}
     return settling_plan(scene).model_copy(update=times | how | more)
-
-
-def name_regime(row: Mapping[str, Any]) -> str:
-    """Name the regime of a row of a sweep, or the outcome of one that ended early."""
-    if row.get("outcome", "ok") != "ok":
-        return f"none, {row['outcome']}"
-    motion = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
-    return f"{row['sync']}, {motion}"
 
 
 class MotionNeighbourhood:

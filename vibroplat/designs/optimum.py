@@ -12,12 +12,12 @@ from contextlib import closing
 
 import numpy as np
 
-from vibroplat.columns import COUNT, FLAG, Column, Columns
+from vibroplat.columns import COUNT, FLAG, Column, Columns, name_regime
 from vibroplat.config.circular import bound_scale, differences
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import VIOLATION_TOLERANCE, DesignPlan
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.designs.motions import name_regime, settling_plan
+from vibroplat.designs.motions import settling_plan
 from vibroplat.designs.samples import sobol_points
 from vibroplat.designs.sensitivities import Neighbourhood, local_orbit
 from vibroplat.kernels.compiled import FloatArray

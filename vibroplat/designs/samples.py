@@ -12,11 +12,11 @@ from contextlib import closing
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns
+from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, name_regime
 from vibroplat.config.circular import on_line
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.designs.motions import brief_plan, name_regime
+from vibroplat.designs.motions import brief_plan
 from vibroplat.designs.sensitivities import local_orbit
 from vibroplat.errors import errors_about
 from vibroplat.kernels.compiled import FloatArray

@@ -9,7 +9,7 @@ from typing import Any, Unpack
 import pandas as pd
 from ruamel.yaml import YAML
 
-from vibroplat.columns import Column, Columns, is_angle, unit_of
+from vibroplat.columns import Column, Columns, is_angle, name_regime, unit_of
 from vibroplat.config.circular import bound_meaning
 from vibroplat.config.digits import DIGITS, decimal, number, percent, places
 from vibroplat.config.plausibility import HINT
@@ -26,7 +26,7 @@ from vibroplat.designs.answer import (
     short_answer,
     with_confidence,
 )
-from vibroplat.designs.motions import NO_ORBITS, name_regime
+from vibroplat.designs.motions import NO_ORBITS
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of

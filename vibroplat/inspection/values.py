@@ -24,12 +24,15 @@ from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import answer, short_lines
 from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
 from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
+from vibroplat.observe.notes import long_flight
 from vibroplat.results.answer import Answer
 
 #: Relative difference of both speeds up to which exciters that have started count as turning together.
 TOGETHER = 0.05
 #: Part of the largest velocity, in units of equal energy, from which on the platform moves along an axis.
 MOVES = 0.2
+#: Stroke over that far above resonance up to which exciters mainly rock the machine.
+ROCKING = 0.5
 #: Relative difference of speeds from which on two balances are two motions.
 DISTINCT = 0.002
 #: Torque to pass a resonance over what there is from which on a start is tight.
@@ -211,7 +214,29 @@ def inspect(scene: Scene) -> Inspection:
     if scene.transport is not None:
         values["unique_friction"] = unique = unique_friction(scene)
         notes.insert(0, _paradox(scene.transport.largest_friction, unique))
+    throw = values.get("loaded_throw_index", values["throw_index"])
+    notes += [_rocking(scene, values), long_flight(scene, float(throw))]
     return Inspection(scene.name, values, by_severity(filter(None, notes)))
+
+
+def _rocking(scene: Scene, values: Mapping[str, float | str]) -> str:
+    """Return the note on co-rotating exciters whose forces cancel and only rock the machine, or an empty text.
+
+    Far above resonances, equal forces at z₁ and z₂ from the centre of mass make 2/M + Re(z₁ z₂*)/J the coefficient of
+    the cosine of their phase difference in the averaged Lagrangian, which is least (Blekhman 1988): where that is 0
+    they are a quarter of a turn apart, and further apart on the same line the machine mainly moves along x and y.
+    """
+    stroke, most = max(float(values[f"stroke_{axis}_m"]) for axis in "xy"), float(values["stroke_far_above_m"])
+    first, second = (complex(*axis) for axis in scene.body.axes)
+    apart = abs(first - second)
+    needed = math.hypot(abs(first + second), math.sqrt(8.0 * scene.body.inertia / scene.body.mass))
+    if not scene.co_rotating or values["expected"] == "none" or stroke > ROCKING * most or not 0.0 < apart < needed:
+        return ""
+    return (
+        f"the exciters rock the machine: their forces nearly cancel, and strokes are {percent(stroke / most)} of those "
+        f"far above resonance. {number(needed)} m apart and more on the same line, instead of {number(apart)} m, they "
+        "vibrate it along x and y"
+    )
 
 
 def _paradox(friction: float, unique: float) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import InstanceOf
 
-from vibroplat.columns import COUNT, TEXT, Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns, name_regime
 from vibroplat.config.arguments import TrueOrKeys, validated
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
@@ -51,7 +51,7 @@ from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.transients import Transient, transients
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
-from vibroplat.results.run_answer import SETTLED, kind_of_motion, regime
+from vibroplat.results.run_answer import SETTLED, kind_of_motion
 
 #: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
@@ -81,11 +81,7 @@ SUMMARY: Columns = {
         "periodic; non-periodic: no period is found; undecided: a transient is left; empty without whole turns",
         kind=TEXT,
     ),
-    "regime": Column(
-        "what the exciters do",
-        "runs, captured, stops (one motor is off and its exciter stops), coasts (motors off), braked (motors at 0 Hz)",
-        kind=TEXT,
-    ),
+    "regime": Column("synchronization and kind of motion", "as of the samples of a design", kind=TEXT),
     "period": Column(
         "period of the motion, in turns of exciter 1",
         f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
@@ -232,8 +228,8 @@ def _summary(
     kinds = {
         "sync": synchronization(measures) if measures["phase_coherence"] is not None else "",
         "motion": kind_of_motion(measures, repeats, moved),
-        "regime": regime(scene, {**measures, **sheet, **whole}),
     }
+    regime = name_regime({**kinds, "period": repeats}) if kinds["motion"] else ""
     return (
         {
             "name": scene.name,
@@ -245,6 +241,7 @@ def _summary(
             "perturbation": scene.start_perturbation,
             "static_sag_m": 0.0 - float(static_rest(scene)[1]),
             **kinds,
+            "regime": regime,
             "period": repeats,
             "stroke_change": moved,
             "transient_x_m": left[0].size,

@@ -42,6 +42,8 @@ SYMMETRIC, DISTURBANCE = 1e-3, 0.01
 EXCITERS = 2
 #: Fraction of the contact from which on shear inside is told.
 MIN_SHEARED_FRACTION = 0.05
+#: Throw index at which a flight without rebound lasts a whole period, √(1 + π²) (Holmes 1982).
+WHOLE_PERIOD = math.hypot(1.0, math.pi)
 #: Relative difference of speeds up to which exciters turn together; range of angles of a swing (rad) from which on it
 #: is told, and least whole turns in which it is seen.
 EQUAL_SPEEDS, MIN_SWING_RAD, MIN_ROWS = 1e-3, 0.02, 8
@@ -52,8 +54,19 @@ def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     notes = (
         *(rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures)),
         shear(measures.get("sheared_fraction")),
+        long_flight(scene, measures.get("gamma")),
     )
     return [note for note in notes if note]
+
+
+def long_flight(scene: Scene, throw: float | None) -> str:
+    """Return the note on material along the deck that flies longer than a period, or an empty text."""
+    if scene.transport is None or throw is None or not throw > WHOLE_PERIOD:
+        return ""
+    return (
+        f"throw index {number(throw)}: above {number(WHOLE_PERIOD)} a flight lasts longer than a period, material "
+        "lands at any phase of the vibration, and its conveying speed may fall to a fraction"
+    )
 
 
 def shear(fraction: float | None) -> str:

@@ -121,18 +121,6 @@ def kind_of_motion(measures: Mapping[str, Any], period: int, transient: float | 
     return "periodic" if period else "non-periodic"
 
 
-def regime(scene: Scene, summary: Mapping[str, Any]) -> str:
-    """Name what exciters do in the measured part; "" if nothing was measured."""
-    if summary["excitation_frequency_hz"] is None:
-        return ""
-    interval = summary["measured_from_s"], summary["measured_to_s"]
-    if summary.get("captured_by"):
-        return "captured"
-    if not any(scene.driven(*interval)):
-        return "braked" if scene.braked(*interval) else "coasts"
-    return "stops" if transient(scene, summary).endswith(" stops") else "runs"
-
-
 def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Return the name of the synchronization and what it does; where exciters differ, what it mainly does."""
     if not summary["excitation_frequency_hz"]:
