@@ -9,14 +9,15 @@ from typing import Any
 
 from vibroplat.columns import split
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import chosen_engine
 from vibroplat.config.scene import Scene
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.observe.notes import DISTURBANCE
 from vibroplat.results.run import RunResult
 
-#: Most and fewest runs with further seeds, and the time (s) that is simulated in all where there are not the fewest.
-MOST_SEEDS, FEWEST_SEEDS, SIMULATED_S = 19, 4, 600.0
+#: How many runs with further seeds there are.
+MORE_SEEDS = 19
 #: Ratio of the largest value to that in steady operation above which it belongs to the start.
 START_PEAK = 1.05
 #: Relative differences up to which peaks are equal, and strokes settled.
@@ -60,12 +61,12 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     if not times:
         return {}
     seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * TURN / scene.speed_scale
-    simulated = SIMULATED_S if summary["engine"] == "taylor" else SIMULATED_S / 10.0  # others are that much slower
-    count = min(MOST_SEEDS, max(FEWEST_SEEDS, int(simulated / seconds))) if scene.run.perturbation != 0.0 else 0
+    count = MORE_SEEDS if scene.run.perturbation != 0.0 else 0
+    engine = {"solver.engine": chosen_engine(scene)}  # they are many motions
     runs = [summary]
     for k in range(1, count + 1):
         another = _with_seed(scene, k, k / (count + 1), begin)
-        another = another.replace({"run.duration_s": min(seconds, scene.run.duration_s)})
+        another = another.replace({"run.duration_s": min(seconds, scene.run.duration_s)} | engine)
         other = simulate(another, keep="summary", start=initial_condition(another))
         if other.outcome == "ok":
             runs.append(other.summary)

@@ -13,6 +13,7 @@ import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import given, number, percent, quantity
+from vibroplat.config.engine_choice import chosen_engine
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
@@ -72,7 +73,9 @@ def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:
     Engines other than SUNDIALS are far more accurate than their tolerance.
     """
     tolerance = scene.solver.tolerance
-    if not scene.contact.restitution or not uses_sundials(scene.solver.engine) or tolerance <= COARSE:
+    if not scene.contact.restitution or tolerance <= COARSE:
+        return ""
+    if not uses_sundials(measures.get("engine") or chosen_engine(scene)):
         return ""
     if not (measures["impacts_per_period"] or 0.0) > 1.0:
         return ""

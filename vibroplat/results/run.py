@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from vibroplat.columns import split, unit_of
 from vibroplat.config.arguments import FileName, validated
+from vibroplat.config.engine_choice import engine_note
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
@@ -308,7 +309,7 @@ class RunResult(Result):
         detail = str(self.summary["detail"]).partition(", state [")[0]
         return Answer(
             all_lines(sheet, self.origin),
-            notes=by_severity(self.notes),
+            notes=[engine_note(str(self.summary["engine"])), *by_severity(self.notes)],
             failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"],
             headline=headline(self.scene, sheet.numbers),
             short=short_lines(sheet),

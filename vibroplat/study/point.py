@@ -15,6 +15,7 @@ import numpy as np
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns, split
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
@@ -179,6 +180,16 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     SweepPoint
         With outcome ``out-of-memory`` if there is not enough for it.
     """
+    return with_second_engine(scene, lambda tried: _measure_by_engine(tried, plan, state, key), has_failed)
+
+
+def has_failed(point: object) -> bool:
+    """Return whether a point is one for whose outcome the engine is to blame."""
+    return isinstance(point, SweepPoint) and point.row["outcome"] in FAILED
+
+
+def _measure_by_engine(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
+    """Settle and measure one point of a sweep by one engine (:func:`measure_point`)."""
     began = time.perf_counter()
     try:
         start = initial_state(scene) if state is None else np.array(state)
