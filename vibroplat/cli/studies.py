@@ -109,6 +109,7 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
     from vibroplat.config.digits import quantity
     from vibroplat.config.engine_choice import chosen_engine, other_engine
     from vibroplat.config.plausibility import notes_on_inputs, notes_on_plan
+    from vibroplat.results.answer import noted
     from vibroplat.study.fingerprint import arithmetic
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
@@ -117,7 +118,7 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
     scene = study.scene
     notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
     for note in notes if sys.stderr.isatty() else ():  # to a person who waits
-        print(f"vibroplat: note: {note}", file=sys.stderr)
+        print(f"vibroplat: {noted(note)}", file=sys.stderr)
     with Store(directory, study.conditions, **how.options) as store:
         engine = chosen_engine(scene)
         common.load_kernels(engine, *([other_engine(engine)] if how.check else []))

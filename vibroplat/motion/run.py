@@ -18,7 +18,7 @@ from vibroplat.config.arguments import TrueOrKeys, validated
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
 from vibroplat.config.engine_choice import FAILED, engines_to_try
-from vibroplat.config.plausibility import notes_on_input
+from vibroplat.config.plausibility import WARNING, notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
@@ -301,7 +301,8 @@ def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
             "may be a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {percent(0.5 * SETTLED)}"
         )
-    return f"{percent(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
+    size = quantity(largest.size, "m")
+    return f"{WARNING}{percent(largest.size / stroke)} of the stroke, {size} along {axis}, {text}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
@@ -320,7 +321,7 @@ def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not apart.size or apart.min() < OTHER_PHASE:
         return ""
     return (
-        f"the mean torques on the empty machine do not hold {name}: it may be unstable and "
+        f"{WARNING}the mean torques on the empty machine do not hold {name}: it may be unstable and "
         "lost over many turns; a longer run.duration_s or vibroplat orbits shows whether it persists"
     )
 
