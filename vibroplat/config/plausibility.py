@@ -244,8 +244,8 @@ def _weakly_damped(scene: Scene) -> str:
         size, limit = quantity(decay, "s"), quantity(shortest, "s", digits=2)
         contains = f"decay by e in {size}, so a run below {limit} contains"
     return (
-        f"{WARNING}{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be 1 % of "
-        "critical damping"
+        f"{WARNING}{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be "
+        "1 % of critical damping"
     )
 
 

@@ -59,6 +59,8 @@ ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or 
 INTEGRATOR_TOLERANCE_RATIO, SUNDIALS_TOLERANCE_RATIO = 0.1, 1e-3
 #: How often a step between two supplies is halved, at most.
 MAX_HALVINGS = 6
+#: Relative difference of the period by the speed on the section from that by the next turns, up to which it is as good.
+MAX_RIPPLE = 0.02
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
 REPEAT_RATIO = 1e4
 #: Periods over which turns of both exciters are compared where no orbit is found, and how far from whole they may be.
@@ -427,7 +429,23 @@ def _from_state(
     """Find the orbit near a state on the section."""
     state = state.copy()
     state[3:5] -= TURN * np.round(state[3:5] / TURN)
-    shot = shooter.shot(state, period * TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
+    seconds = period * TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale)
+    try:
+        return _from_shot(shooter, state, seconds, units, tolerance)
+    except NoConvergenceError:  # the speed of exciter 1 on the section may be far from its mean
+        shooter.motion.reset(state)
+        turns = shooter.motion.to_section(period, 4.0 * seconds)
+        mean = shooter.motion.now
+        if not turns or abs(mean - seconds) <= MAX_RIPPLE * seconds:
+            raise
+    return _from_shot(shooter, state, mean, units, tolerance)
+
+
+def _from_shot(
+    shooter: Shooter, state: FloatArray, seconds: float, units: Sequence[float], tolerance: float
+) -> tuple[Problem, NewtonResult]:
+    """Find the orbit near a state on the section whose period is about so many seconds."""
+    shot = shooter.shot(state, seconds)
     if shot.outcome != "ok":
         raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
     turns = np.round((shot.state[3:5] - state[3:5]) / TURN).astype(int).tolist()
