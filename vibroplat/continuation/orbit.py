@@ -55,8 +55,9 @@ MAX_SETTLED_RESIDUAL = 1e-3
 ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or pass a guess"
 #: The tolerance of the integrator over that of an orbit, at most; that of SUNDIALS. Newton's method cannot get below
 #: the scatter of shots from neighbouring states. Of a screen of 2.4 t, over two turns, that is 10 to 60 tolerances of
-#: ``native``, and the error 70 to 180, but with ``taylor`` the scatter is 5e-12 at any tolerance.
-INTEGRATOR_TOLERANCE_RATIO, SUNDIALS_TOLERANCE_RATIO = 0.1, 1e-3
+#: ``native``, so that a tenth is not enough; with ``taylor`` it is 5e-12 at any tolerance. Steps of a thousandth are so
+#: short that the places of liftoffs suffer, by 2e-5 Hz instead of 1e-6.
+INTEGRATOR_TOLERANCE_RATIO, SUNDIALS_TOLERANCE_RATIO = 0.1, 0.01
 #: How often a step between two supplies is halved, at most.
 MAX_HALVINGS = 6
 #: Relative difference of the period by the speed on the section from that by the next turns, up to which it is as good.

@@ -145,8 +145,9 @@ def simulate(
     start
         Initial condition, if it is known already. Default: the initial condition of the scene.
     engine
-        Function that makes the engine. Default: ``solver.engine``; if that is ``auto`` and engine ``native`` fails, the
-        run is repeated by ``taylor``, unless a ``sink`` of functions has received its tables.
+        Function that makes the engine. Default: ``solver.engine``. If that is ``auto``, engine ``native`` integrates
+        the run, or with ``variation`` the engine of derivatives. Where it fails, the run is repeated by the other one,
+        unless a ``sink`` of functions has received its tables.
 
     Returns
     -------
@@ -164,7 +165,9 @@ def simulate(
     keys = None if variation is False else key_tuple(() if variation is True else variation)
     start = initial_condition(scene) if start is None else start
     makers = (
-        [partial(make_engine, name=name) for name in engines_to_try(scene, run=True)] if engine is None else [engine]
+        [partial(make_engine, name=name) for name in engines_to_try(scene, run=keys is None)]
+        if engine is None
+        else [engine]
     )
     files = [file for file in sink or () if isinstance(file, TableFile)]
     for maker in makers if files or sink is None else makers[:1]:
