@@ -9,6 +9,7 @@ from common.commands import command
 
 from vibroplat import Scene, load_config, simulate
 from vibroplat.config.digits import quantity
+from vibroplat.config.plausibility import WARNING
 from vibroplat.config.reader import configurations
 from vibroplat.inspection.balance import (
     balances,
@@ -187,7 +188,10 @@ def test_at_most_twelve_lines_for_every_machine(changes):
     found = Scene().replace(changes).inspect()
     lines = str(found).splitlines()
     assert len(lines) <= 12
-    assert bool(found.answer.notes) == bool(re.search(r"note: |notes?: -v|\(-v\)|more: -v", lines[-1]))
+    told = re.search(r"note: |warning: |notes?: -v|\(-v\)|more: -v", "\n".join(lines))
+    assert bool(found.answer.notes) == bool(told)
+    warnings = [note for note in found.answer.notes if note.startswith(WARNING)]
+    assert all(note in " ".join(str(found).split()) for note in warnings)
     assert all(len(line) <= 110 and not re.search(r"\b(nan|inf)\b", line) for line in lines), lines
 
 
@@ -284,13 +288,13 @@ def test_command(tmp_path):
     done = command("inspect", str(file), "-v", "--set", "drive.supply_frequency_hz=40")
     assert done.code == 0
     assert done.out.startswith("mine: in-phase expected at 19.7")
-    assert "note: machine: platform_mass_kg" in done.out
-    assert done.out.index("each motor gives") < done.out.index("note: machine: ")
+    assert "warning: machine: platform_mass_kg" in done.out
+    assert done.out.index("warning: machine: ") < done.out.index("each motor gives")
     assert "torque to lift unbalance 1" in done.out
     brief = command("inspect", str(file), "--set", "drive.supply_frequency_hz=40").out.splitlines()
     assert len(brief) <= 12
     assert max(map(len, brief)) <= 110
-    assert brief[-1].startswith("  note: each motor gives")
+    assert any(line.startswith("  warning: machine: platform_mass_kg") for line in brief)
     wrong = command("inspect", str(file), "--set", "motor.critical_torque_n_m=-1")
     assert wrong.code == 2
     assert "critical_torque_n_m" in wrong.err

@@ -21,6 +21,7 @@ from vibroplat.basin.windows import MEASURES, same_motion
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
@@ -330,9 +331,15 @@ def map_initial_conditions(
 
     ``history`` are turns that others have taken.
     """
-    with closing(AttractorMapper(scene, plan.max_turns, known, history)) as mapper:
-        starts = mapper.map_states(initial_states(scene, plan, range(first, first + count)))
-        return {"starts": starts, "known": len(known), "found": mapper.attractors[len(known) :]}
+
+    def follow_starts(tried: Scene) -> Record:
+        with closing(AttractorMapper(tried, plan.max_turns, known, history)) as mapper:
+            starts = mapper.map_states(initial_states(tried, plan, range(first, first + count)))
+            return {"starts": starts, "known": len(known), "found": mapper.attractors[len(known) :]}
+
+    return with_second_engine(
+        scene, follow_starts, lambda record: any(start.get("outcome") in FAILED for start in record["starts"])
+    )
 
 
 def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:

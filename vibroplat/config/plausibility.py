@@ -37,6 +37,9 @@ LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 INERTIA = "rotor_inertia_kg_m2"
 #: Maximum number of missing keys that are all named.
 MAX_NAMED = 3
+#: How notes begin by which the answer is wrong for who asks: another machine than theirs, a motion that has not settled
+#: or is captured, or one outside the model. They come first, and no print leaves them out.
+WARNING = "warning: "
 #: How notes begin that put no number in doubt: they come last.
 HINT = "hint: "
 #: Axes of the platform with the ends of the names of its springs and dampers.
@@ -85,9 +88,15 @@ def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = No
     return [note for note in notes if note]
 
 
+def split_severity(note: str) -> tuple[str, str]:
+    """Return how a note begins, ``WARNING``, ``HINT`` or "", and the rest of it."""
+    begin = next((begin for begin in (WARNING, HINT) if note.startswith(begin)), "")
+    return begin, note.removeprefix(begin)
+
+
 def by_severity(notes: Iterable[str]) -> list[str]:
-    """Return notes in their order, those last that put no number in doubt."""
-    return sorted(notes, key=lambda note: note.startswith(HINT))
+    """Return notes in their order, warnings first, those last that put no number in doubt."""
+    return sorted(notes, key=lambda note: (WARNING, "", HINT).index(split_severity(note)[0]))
 
 
 def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
@@ -97,10 +106,12 @@ def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list
         for note in notes_on_input(scene, of_run=False):
             notes.setdefault(note, []).append(prefix)
     everywhere = max(len(places), 1)
-    return [
-        note if len(at) == everywhere or not at[0] or at[0] in note else f"at {', '.join(at)}: {note}"
-        for note, at in notes.items()
-    ]
+    placed = list[str]()
+    for note, at in notes.items():
+        begin, text = split_severity(note)
+        holds = len(at) == everywhere or not at[0] or at[0] in note
+        placed.append(note if holds else f"{begin}at {', '.join(at)}: {text}")
+    return placed
 
 
 def notes_on_plan(scene: Scene, kind: str) -> list[str]:
@@ -136,15 +147,15 @@ def _without_effect(scene: Scene, kind: str) -> list[str]:
     for key in ("seed", "perturbation"):
         if key in run.model_fields_set and key in type(plan).model_fields:
             notes.append(
-                f"run.{key} = {given(getattr(run, key) or 0)} has no effect on {kind}: {kind}.{key} = "
+                f"{WARNING}run.{key} = {given(getattr(run, key) or 0)} has no effect on {kind}: {kind}.{key} = "
                 f"{given(getattr(plan, key))} counts"
             )
     if "seed" in plan.model_fields_set and getattr(plan, "perturbation", 1.0) == 0.0:
-        notes.append(f"{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
+        notes.append(f"{WARNING}{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
     varied = str(plan.model_dump(exclude_none=True))
     keys = dict.fromkeys(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
     if keys and not scene.material.mass_ratio and "material.mass_ratio" not in keys:
-        notes.append(f"no effect of {', '.join(keys)}: there is no material, as material.mass_ratio is 0")
+        notes.append(f"{WARNING}no effect of {', '.join(keys)}: there is no material, as material.mass_ratio is 0")
     return notes
 
 
@@ -264,8 +275,8 @@ def _weakly_damped(scene: Scene) -> str:
         size, limit = quantity(decay, "s"), quantity(shortest, "s", digits=2)
         contains = f"decay by e in {size}, so a run below {limit} contains"
     return (
-        f"{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be 1 % of "
-        "critical damping"
+        f"{WARNING}{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be "
+        "1 % of critical damping"
     )
 
 
@@ -278,8 +289,8 @@ def _unreached(scene: Scene, ends: float) -> str:
     names = ", ".join(late[:MAX_NAMED])
     more = f" and {len(late) - MAX_NAMED} more" * (len(late) > MAX_NAMED)
     return (
-        f"{names}{more}: the run ends before, at {given(ends)} s, and does not get there; times are in seconds, and a "
-        "longer run.duration_s helps"
+        f"{WARNING}{names}{more}: the run ends before, at {given(ends)} s, and does not get there; times are in "
+        "seconds, and a longer run.duration_s helps"
     )
 
 
@@ -299,7 +310,7 @@ def _replaced(scene: Scene) -> str:
     """Return the note on keys of the machine that are given and have no effect, or an empty text."""
     keys = sorted(given_by_exciters(scene) & scene.machine.model_fields_set)
     values = ", ".join(f"machine.{key} = {given(getattr(scene.machine, key))}" for key in keys)
-    return f"no effect of {values}: each exciter has its own value, which counts" if keys else ""
+    return f"{WARNING}no effect of {values}: each exciter has its own value, which counts" if keys else ""
 
 
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
@@ -329,7 +340,7 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
     named = ", ".join(f"{key} = {given(size)}" for key in keys if (size := value_at(tree, key)))
     what = text.format(_in_unit(value, unit))
     ends = f"{given(low)} to {given(high)}" if low else f"up to {given(high)}"
-    return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
+    return f"{WARNING}{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
 
 
 def _given_key(exciter: Exciter, key: str) -> str:
@@ -361,4 +372,6 @@ def _notes_on_defaults(sections: Iterable[tuple[str, BaseModel, Collection[str]]
         which = f"{', '.join(first)} and {last}" if first else last
         what = "no key given" if not section.model_fields_set else f"{which} not given"
         by_note.setdefault(what, []).append(name)
-    return [f"{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in by_note.items()]
+    return [
+        f"{WARNING}{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in by_note.items()
+    ]

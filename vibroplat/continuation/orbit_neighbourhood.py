@@ -16,9 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.circular import differences
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import RANK_LIMIT, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.orbit import (
+    MissedOrbitError,
     Orbit,
     first_orbit,
     measure_period,
@@ -97,14 +99,18 @@ class OrbitNeighbourhood:
             As there.
         """
         scene, begin = read_guess(scene, guess)
-        shooter = Shooter(with_orbit_tolerance(scene, tolerance))
-        try:
-            if isinstance(guess, Orbit):
-                period = guess.period
-            return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).recentre()
-        except BaseException:
-            shooter.close()
-            raise
+        if isinstance(guess, Orbit):
+            period = guess.period
+
+        def search(tried: Scene) -> OrbitNeighbourhood:
+            shooter = Shooter(with_orbit_tolerance(tried, tolerance))
+            try:
+                return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).recentre()
+            except BaseException:
+                shooter.close()
+                raise
+
+        return with_second_engine(scene, search, errors=(MissedOrbitError,))
 
     def close(self) -> None:
         """Free what the engine holds, for all that came from this one."""

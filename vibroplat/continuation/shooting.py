@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN, Mode
+from vibroplat.config.engine_choice import chosen_engine
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
@@ -204,7 +205,7 @@ MAX_IDLE = 4
 def _likeness_of(scene: Scene, keys: Sequence[str], course: tuple[float, float] | None) -> tuple[Any, ...]:
     """Return what scenes have in common whose shots one shooter can take: with keys, all of it."""
     own = (scene, *keys, course) if keys else ()
-    return scene.solver, scene.modes, scene.coordinates, len(scene.output.points), *own
+    return scene.solver, chosen_engine(scene), scene.modes, scene.coordinates, len(scene.output.points), *own
 
 
 class Shooter:

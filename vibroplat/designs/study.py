@@ -12,7 +12,7 @@ from ruamel.yaml import YAML
 from vibroplat.columns import Column, Columns, is_angle, name_regime, unit_of
 from vibroplat.config.circular import bound_meaning
 from vibroplat.config.digits import DIGITS, decimal, number, percent, places
-from vibroplat.config.plausibility import HINT
+from vibroplat.config.plausibility import HINT, WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs import optimum
@@ -140,7 +140,7 @@ class DesignStudy(Study):
         row = run.one("confirmed", optimum.measure_design, self.scene, known, best["values"])
         texts = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *texts])}
-        other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
+        other = f"{WARNING}started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
         notes = self.notes + ([] if row["same"] else [other])
         if not row["same"] and self.plan.parameter_tolerances and self.plan.samples:
             notes[-1] += ", so its tolerances were not sampled"

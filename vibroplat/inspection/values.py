@@ -16,7 +16,7 @@ from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
-from vibroplat.config.plausibility import SWING_TORQUE_RATIO, by_severity, notes_on_input
+from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
@@ -244,8 +244,8 @@ def _paradox(friction: float, unique: float) -> str:
     if not friction > unique:
         return ""
     return (
-        f"transport: friction {given(friction)} is above {number(unique)}: contact may have several motions or none "
-        "(Painlevé's paradox), and a run is not reliable"
+        f"{WARNING}transport: friction {given(friction)} is above {number(unique)}: contact may have several motions "
+        "or none (Painlevé's paradox), and a run is not reliable"
     )
 
 

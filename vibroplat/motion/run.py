@@ -18,7 +18,8 @@ from vibroplat.config.arguments import TrueOrKeys, validated
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
-from vibroplat.config.plausibility import notes_on_input
+from vibroplat.config.engine_choice import FAILED, engines_to_try
+from vibroplat.config.plausibility import WARNING, notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
@@ -52,6 +53,7 @@ from vibroplat.observe.transients import Transient, transients
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import SETTLED, kind_of_motion
+from vibroplat.results.tables import TableFile
 
 #: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
@@ -118,7 +120,7 @@ SUMMARY: Columns = {
     variation=TrueOrKeys,
     sink=SinkArgument | None,
     start=InstanceOf[Start] | None,
-    engine=Callable[..., Any],
+    engine=Callable[..., Any] | None,
 )
 def simulate(
     scene: Scene,
@@ -128,7 +130,7 @@ def simulate(
     sink: Sink | Files | None = None,
     variation: bool | str | Sequence[str] = False,
     start: Start | None = None,
-    engine: Callable[[Scene, Parameters], Engine] = make_engine,
+    engine: Callable[[Scene, Parameters], Engine] | None = None,
 ) -> RunResult:
     """Integrate a scene in time, from its initial condition for ``run.duration_s``.
 
@@ -153,7 +155,9 @@ def simulate(
     start
         Initial condition, if it is known already. Default: the initial condition of the scene.
     engine
-        Function that makes the engine. Default: ``solver.engine``.
+        Function that makes the engine. Default: ``solver.engine``. If that is ``auto``, engine ``native`` integrates
+        the run, or with ``variation`` the engine of derivatives. Where it fails, the run is repeated by the other one,
+        unless a ``sink`` of functions has received its tables.
 
     Returns
     -------
@@ -168,13 +172,36 @@ def simulate(
     """
     if keep == "table":
         require_room(scene)
+    keys = None if variation is False else key_tuple(() if variation is True else variation)
+    start = initial_condition(scene) if start is None else start
+    makers = (
+        [partial(make_engine, name=name) for name in engines_to_try(scene, run=keys is None)]
+        if engine is None
+        else [engine]
+    )
+    files = [file for file in sink or () if isinstance(file, TableFile)]
+    for maker in makers if files or sink is None else makers[:1]:
+        for file in files:
+            file.clear()
+        run = _simulate(scene, maker, start, Recorder(scene, keep, sink), keys, progress)
+        if run.outcome not in FAILED:
+            break
+    return run
+
+
+def _simulate(
+    scene: Scene,
+    engine: Callable[[Scene, Parameters], Engine],
+    start: Start,
+    recorder: Recorder,
+    keys: Sequence[str] | None,
+    progress: Callable[[float, int], None] | None,
+) -> RunResult:
+    """Integrate a scene in time by one engine (:func:`simulate`)."""
     p = parameters(scene)
     began = time.perf_counter()
     with closing(engine(scene, p)) as driver:
-        keys = None if variation is False else key_tuple(() if variation is True else variation)
-        start = initial_condition(scene) if start is None else start
         motion = Simulator(scene, p, driver, start.state, start.time, start.mode)
-        recorder = Recorder(scene, keep, sink)
         run = _run(motion, start, recorder, keys, [] if progress is None else [_Progress(progress, motion.now)])
     run.summary["wall_s"] = time.perf_counter() - began
     return run
@@ -294,7 +321,8 @@ def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
             "may be a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {percent(0.5 * SETTLED)}"
         )
-    return f"{percent(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
+    size = quantity(largest.size, "m")
+    return f"{WARNING}{percent(largest.size / stroke)} of the stroke, {size} along {axis}, {text}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
@@ -313,7 +341,7 @@ def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not apart.size or apart.min() < OTHER_PHASE:
         return ""
     return (
-        f"the mean torques on the empty machine do not hold {name}: it may be unstable and "
+        f"{WARNING}the mean torques on the empty machine do not hold {name}: it may be unstable and "
         "lost over many turns; a longer run.duration_s or vibroplat orbits shows whether it persists"
     )
 
@@ -332,8 +360,8 @@ class _Progress:
         self._tell(float(h.run["now"]) - self._start, self._events)
 
 
-def load_kernels(engine: str = "auto") -> None:
-    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names.
+def load_kernels(engine: str = "native") -> None:
+    """Compile or load all that a motion needs, by the engine of a name.
 
     The engine's loop comes last: a second process may be compiling it, by :func:`compile_loop`.
     """
@@ -345,7 +373,7 @@ def load_kernels(engine: str = "auto") -> None:
 
 def compile_loop(engine: str) -> None:
     """Compile the loop of an engine that has a compiled one, in a process that calls no kernel."""
-    if engine == "auto" or ENGINES[engine].loop:
+    if ENGINES[engine].loop:
         module_name, _, name = loop_of(engine).rpartition(".")
         module = import_module(f"vibroplat.{module_name}")
         compile_for(getattr(module, name), *module.loop_arguments(_any_automaton(engine)[-1]))

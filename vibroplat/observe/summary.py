@@ -12,6 +12,7 @@ import numpy as np
 from vibroplat.columns import COUNT, Column, Columns, sync_name
 from vibroplat.config.circular import on_line, shown_angle
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import may_succeed
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
@@ -387,7 +388,7 @@ def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
         if residual is not None and residual > limit:
             return (
                 f"{name} residual {residual:.3g} exceeds {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
-                "solver.tolerance, and check the orders of magnitude in the scene"
+                f"solver.tolerance, and check the orders of magnitude in the scene{may_succeed(scene)}"
             )
     return ""
 

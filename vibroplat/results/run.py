@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from vibroplat.columns import split, unit_of
 from vibroplat.config.arguments import FileName, validated
+from vibroplat.config.engine_choice import engine_note
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
@@ -378,7 +379,7 @@ def _tell(scene: Scene, summary: Mapping[str, Any], origin: dict[str, Any] | Non
     detail = str(summary["detail"]).partition(", state [")[0]
     return Answer(
         all_lines(sheet, origin),
-        notes=by_severity([str(note) for note in summary["notes"]]),
+        notes=[engine_note(str(summary["engine"])), *by_severity([str(note) for note in summary["notes"]])],
         failures=[] if outcome == "ok" else [f"{outcome}: {detail}"],
         headline=headline(scene, sheet.numbers),
         short=short_lines(sheet),

@@ -288,6 +288,11 @@ class TableFile:
                 self._parquet.close()
         return self._temporary
 
+    def clear(self) -> None:
+        """Begin anew, with no part."""
+        self.__exit__()
+        self._stack, self._temporary, self._parquet = ExitStack(), None, None
+
     def __enter__(self) -> Self:
         if self._form == "parquet":
             import vibroplat.results.arrow  # noqa: F401, PLC0415

@@ -89,7 +89,7 @@ def difference(expected: Fingerprint, actual: Fingerprint) -> str:
 
 @cache
 def code() -> dict[str, str]:
-    """Return versions of code, libraries and platform, by name, and which engine ``auto`` is."""
+    """Return versions of code, libraries and platform, by name, and which engine ``native`` is."""
     return package() | {
         "SUNDIALS": sundials_version() or "unknown",
         "engine": "sundae" if native_library() is None else "native",
@@ -109,7 +109,7 @@ def package() -> dict[str, str]:
 
 
 @cache
-def arithmetic(engine: str = "auto") -> str:
+def arithmetic(engine: str = "native") -> str:
     """Digest what this machine computes: a short motion by an engine, and the functions of libraries."""
     text = json.dumps([_motion(engine), _functions()])  # that of a number gives back its bits
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} on {processor()[0]}"

@@ -23,6 +23,7 @@ import pandas as pd
 
 from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.hybrid.modes import ATTACHED, IMPACT
@@ -154,6 +155,20 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     scene.require_orbits("a Lyapunov exponent")
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given; allowed for Lyapunov exponents: drive.supply_frequency_hz alone")
+    spectrum = with_second_engine(scene, lambda tried: _spectrum(tried, state), errors=(MotionError,))
+    spectrum.append(Exponent(0.0, 0.0, spectrum[0].turn))
+    table = pd.DataFrame(
+        {
+            "exponent_per_s": [exponent.value for exponent in spectrum],
+            "error_per_s": [exponent.error for exponent in spectrum],
+            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in spectrum],
+        },
+    ).sort_values("exponent_per_s", ascending=False, kind="stable")
+    return table.set_index(pd.RangeIndex(1, len(spectrum) + 1, name="number"))
+
+
+def _spectrum(scene: Scene, state: npt.ArrayLike | None) -> list[Exponent]:
+    """Compute all exponents but that along the motion, which is 0 (:func:`lyapunov`)."""
     start = initial_condition(scene)
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
@@ -168,15 +183,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
         if math.isnan(spectrum[0].value):
             why = f"the motion ended early ({motion.outcome}): {motion.detail}" if motion.outcome != "ok" else ""
             raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
-    spectrum.append(Exponent(0.0, 0.0, spectrum[0].turn))
-    table = pd.DataFrame(
-        {
-            "exponent_per_s": [exponent.value for exponent in spectrum],
-            "error_per_s": [exponent.error for exponent in spectrum],
-            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in spectrum],
-        },
-    ).sort_values("exponent_per_s", ascending=False, kind="stable")
-    return table.set_index(pd.RangeIndex(1, len(spectrum) + 1, name="number"))
+    return spectrum
 
 
 def largest_exponent(

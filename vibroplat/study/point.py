@@ -16,7 +16,9 @@ import numpy as np
 from vibroplat.columns import COUNT, TEXT, Column, Columns, split
 from vibroplat.config.circular import shown_angle
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.plans import SweepPlan
+from vibroplat.config.plausibility import WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
 from vibroplat.hybrid.modes import IMPACT
@@ -191,6 +193,16 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     SweepPoint
         With outcome ``out-of-memory`` if there is not enough for it.
     """
+    return with_second_engine(scene, lambda tried: _measure_by_engine(tried, plan, state, key), has_failed)
+
+
+def has_failed(point: object) -> bool:
+    """Return whether a point is one for whose outcome the engine is to blame."""
+    return isinstance(point, SweepPoint) and point.row["outcome"] in FAILED
+
+
+def _measure_by_engine(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
+    """Settle and measure one point of a sweep by one engine (:func:`measure_point`)."""
     began = time.perf_counter()
     try:
         start = initial_state(scene) if state is None else np.array(state)
@@ -364,7 +376,7 @@ def _measure_longer(
     if again is not None and again.period == 0 and again.motion != "undecided":
         changes = transience(scene, plan, again, compared_values(part.blocks))
         if changes:
-            note = f"may be a transient: {changes} changes during the measuring interval, so there are no errors"
+            note = f"{WARNING}may be a transient: {changes} changes as it is measured, so there are no errors"
             again = again._replace(drifts=True, note=note)
     return part, again
 

@@ -15,6 +15,7 @@ from vibroplat.config.circular import bound_meaning, value_text
 from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.plausibility import WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
@@ -348,8 +349,8 @@ class ThresholdStudy(Study):
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
                     yield (
-                        f"near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that the "
-                        "motion had not left it when it was measured"
+                        f"{WARNING}near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that "
+                        "the motion had not left it when it was measured"
                     )
         if self.plan.compared is not None and is_angle(self.plan.compared[0]):
             column, how, limit = self.plan.compared
@@ -359,8 +360,9 @@ class ThresholdStudy(Study):
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, first at {self._round(unsettled[0])}, the motion was "
-                "measured in a transient or has no clear class: a larger find.max_settle_s may change the outcome"
+                f"{WARNING}at {len(unsettled)} of {len(every)} values, first at {self._round(unsettled[0])}, the "
+                "motion was measured in a transient or has no clear class: a larger find.max_settle_s may change the "
+                "outcome"
             )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.circular import beyond, bound_scale
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import FindPlan
@@ -28,7 +29,7 @@ from vibroplat.motion.run import simulate
 from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.synchronization import STAYING_TURNS
-from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
+from vibroplat.study.point import ERRORS, SweepPoint, failed_record, has_failed, measure_point
 from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in scaled units, at most.
@@ -188,7 +189,8 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     """
     began, perturbation = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
-        start = _follow_program(scene, perturb_state(initial_state(scene), scene, perturbation, key))
+        begin = perturb_state(initial_state(scene), scene, perturbation, key)
+        start = with_second_engine(scene, lambda tried: _follow_program(tried, begin), has_failed)
         if isinstance(start, SweepPoint):
             return start
         state, perturbation = start, 0.0
