@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 #: Units by the ends of names, longer ends before those that they end with.
 UNITS = {
@@ -181,6 +181,25 @@ def describe_sync(sync: str, rotation: str) -> str:
 
 
 PHASE_COLUMN = "phase_difference_rad"
+
+
+def name_regime(row: Mapping[str, Any]) -> str:
+    """Name the regime of a row of a sweep, or the outcome of one that ended early."""
+    if row.get("outcome", "ok") != "ok":
+        return f"none, {row['outcome']}"
+    motion = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
+    return f"{row['sync']}, {motion}"
+
+
+def is_angle(name: str) -> bool:
+    """Whether a key or column holds angles on a circle: values a whole turn apart are the same.
+
+    These are phase differences, also those beside a threshold (``below_…``). Rotations of the platform are small, and
+    angles of exciters have all their turns; both are plain numbers, and so are standard errors of angles.
+    """
+    return name.endswith(PHASE_COLUMN)
+
+
 #: Columns of a sweep, and of branches.
 QUANTITIES = _quantities(
     {

@@ -6,8 +6,19 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+#: Characters of a text that change how it, or what follows, is shown: those of control but tabulator and end of line,
+#: marks of direction and invisible ones, ends of lines and paragraphs, and halves of pairs.
+_CONTROLS = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\ufff9-\ufffb]"
+)
+
 #: Longest message; keys and names from users may be longer.
 MAX_TEXT = 400
+
+
+def escape_controls(text: str) -> str:
+    """Write characters of control, which may come from somebody else's files, as they are written in Python."""
+    return _CONTROLS.sub(lambda found: repr(found[0])[1:-1], text)
 
 
 class VibroplatError(Exception):

@@ -19,6 +19,7 @@ from vibroplat.errors import ConfigError
 from vibroplat.hybrid.state import initial_state, state_scales, static_rest
 from vibroplat.motion.run import simulate
 from vibroplat.study.classification import same_phase
+from vibroplat.study.store import Store
 
 PHASE, SPEED, HEIGHT = (f"run.initial.{name}" for name in ("phase_difference_rad", "speed_ratio", "state.y_m"))
 GAP, RATE = (f"run.initial.state.{name}" for name in ("gap_m", "phi1_rate_rad_per_s"))
@@ -50,6 +51,18 @@ def test_starts_are_the_whole_grid_and_the_same_in_any_blocks():
     assert len({(a, b) for a, b, _ in together.tolist()}) == 42
     assert np.ptp(together[:8, 0]) > 4.0
     assert len(set(together[:, 2].tolist())) == plan.number == 84
+
+
+def test_basins_are_resumed_only_with_as_many_motions_side_by_side(tmp_path, monkeypatch):
+    """An attractor that one of them finds is known to the others from then on."""
+    scene = scene_of({PHASE: [-3.0, 3.0, 7]})
+    with Store(tmp_path, BasinsStudy(scene).conditions) as store:
+        store.write(0, 0, {})
+    with Store(tmp_path, BasinsStudy(scene).conditions, resume=True) as store:
+        assert len(store) == 1
+    monkeypatch.setattr("vibroplat.basin.study.lanes", lambda: 3)
+    with pytest.raises(ConfigError, match=r"cannot resume: lanes = 3; allowed: [248], as in the finished tasks"):
+        Store(tmp_path, BasinsStudy(scene).conditions, resume=True)
 
 
 def test_states_have_the_values_of_their_keys():

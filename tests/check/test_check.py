@@ -14,9 +14,10 @@ from vibroplat import check_run, load_config
 from vibroplat.check import with_other_engine, with_other_tolerance
 from vibroplat.check.events import ErrorBound, compared_events, match_events
 from vibroplat.check.runs import EVENT_TIME, SampledRun, _Comparison, perturbed_scenes
+from vibroplat.config.engine_choice import other_engine
 from vibroplat.config.reader import configurations
 from vibroplat.hybrid.state import force_spread, state_scales
-from vibroplat.integrate import other_engine
+from vibroplat.kernels.engines import ENGINES
 from vibroplat.model.systems import GAP_RATE
 
 FRICTION = "motor.friction_radius_m"
@@ -41,8 +42,10 @@ def run_scene(seconds=0.2, **changed):
 
 
 def test_engines_that_share_least_check_each_other():
-    others = {name: other_engine(name) for name in ("auto", "native", "sundae", "taylor")}
-    assert others == {"auto": "taylor", "native": "taylor", "sundae": "taylor", "taylor": "auto"}
+    others = {name: other_engine(name) for name in ENGINES}
+    assert others == {"native": "taylor", "sundae": "taylor", "taylor": "native"}
+    scene = run_scene(**{"solver.engine": "auto"})
+    assert [with_other_engine(scene, run=run).solver.engine for run in (True, False)] == ["taylor", "native"]
 
 
 def test_repetitions_change_nothing_but_tolerance_and_start():

@@ -51,7 +51,7 @@ def test_a_period_that_no_motion_has_is_compared():
             found = cross_check(study, None, store, workers)
         assert bool(found.disagreements) == disagrees
         told = "0 of 1 motions agree" if disagrees else "1 of 1 motions agree, measures within 0 %"
-        assert [text for _, text in found.lines()] == [f"engine taylor, {told}"]
+        assert [text for _, text in found.lines()] == [f"engine native, {told}"]
 
 
 class OneCase:

@@ -119,8 +119,9 @@ def test_run_prints_and_keeps_its_notes(command, kernels, here):
     (here / "own.yaml").write_text("machine: {stiffness_y_n_per_m: 470.0}\n")
     done = command("run", "own.yaml", *SHORT, "-v")
     notes = read_json(here / "results/own/run", "summary")["notes"]
-    assert [line.removeprefix("note: ") for line in done.out.splitlines() if line.startswith("note: ")] == notes
-    assert [note.partition(":")[0] for note in notes] == [
+    own, *others = (line for line in done.out.splitlines() if line.startswith(("note: ", "warning: ")))
+    assert (own.startswith("note: computed by engine native"), others) == (True, notes)
+    assert [note.removeprefix("warning: ").partition(":")[0] for note in notes] == [
         *["machine.stiffness_y_n_per_m = 470"] * 2,
         "machine",
         "motor",

@@ -73,7 +73,7 @@ def test_writes_tables_and_prints_an_overview(followed):
     lines, points = followed.out.splitlines(), len(found["branches.parquet"])
     assert lines[0] == f"2 branches, {points} orbits over f_e 47.00 … 49.00 Hz: {points} stable"
     assert [line.split()[-1] for line in lines if "mass ratio" in line] == ["–", "48.18"]
-    assert len(answer.notes) == 2
+    assert len(answer.notes) == 3
     (row,) = (line for line in answer.text if line.startswith("0.1 ") and "start" in line)
     assert row.split()[:6] == ["0.1", "0", "start", "–", "47", "49"]
     assert row.endswith("  stop of the key's range")

@@ -10,9 +10,9 @@ from vibroplat import load_config
 from vibroplat.cli.common import print_answer
 from vibroplat.config.digits import quantity, spread
 from vibroplat.config.kinds import KINDS
-from vibroplat.config.plausibility import HINT, by_severity
+from vibroplat.config.plausibility import HINT, WARNING, by_severity
 from vibroplat.plots.command import FIGURE_NAMES
-from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both
+from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both, short_line
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
 from vibroplat.study.sweep import notes_on_points
@@ -94,6 +94,20 @@ def test_notes_take_the_room_that_is_left():
         assert len(answer.brief(room)) <= room
     assert answer.brief(7)[-1].endswith(" … (4 more: -v)")
     assert answer.full()[-5:] == [f"note: {note}" for note in notes]
+
+
+def test_warnings_are_always_printed():
+    """They take the room of other lines, or more than that."""
+    warnings = [f"{WARNING}{what} " + "and more words " * 10 for what in ("another machine", "captured")]
+    answer = Answer(headline="what it is", short=["line"] * 10, notes=["by an engine", *warnings, f"{HINT}faster"])
+    for room in (3, 8, 11, 20):
+        lines = answer.brief(room)
+        printed = " ".join(" ".join(lines).split())
+        assert all(warning.strip() in printed for warning in warnings)
+        assert lines[0] == "what it is"
+        assert len(lines) <= max(room, 7)
+    assert answer.brief(11)[6] == "  … 7 more lines: -v prints them"
+    assert answer.brief(20)[11].startswith("  warning: another machine")
 
 
 def test_notes_that_put_no_number_in_doubt_come_last():
@@ -246,6 +260,29 @@ def test_static_forces_are_the_weight_along_both_axes(runs):
     assert "  along the deck; largest " in along
 
 
+@pytest.mark.parametrize("label", ["at tip", "spring at corner_fl_1", f"at {'front_left_corner_' * 2}"])
+@pytest.mark.parametrize("value", ["3.51 ± 0.32 kN", "stroke y 10.23456789 ± 0.12 mm"])
+def test_labels_of_any_length_and_values_stand_apart(label, value):
+    parts = [part.strip() for part in short_line(label, value, "static").split("  ")]
+    assert [*filter(None, parts)] == [label, value, "static"]
+
+
+def test_a_run_that_continues_is_told_no_start(runs):
+    """It is in step from its beginning, or comes so after a time that counts from there."""
+    run = runs["two layers"]
+    for at, told in ((6.12, []), (7.0, ["in", "step", "0.880", "s", "after"])):
+        lines = short_lines(Sheet(run.scene, run.summary | {"begins_s": 6.12, "synchronized_at_s": at}))
+        assert [line.split()[:5] for line in lines if line.startswith(("start", "in step"))] == [told][: len(told)]
+
+
+def test_a_summary_has_what_the_first_line_says(runs):
+    run = runs["two layers"]
+    summary, line = run.summary, headline(run.scene, run.summary)
+    assert summary["sync"] in line
+    assert (summary["motion"] == "periodic") == ("; repeats every " in line)
+    assert summary["regime"] == f"{summary['sync']}, period {summary['period']}"
+
+
 def test_times_count_from_when_motors_were_switched(runs):
     """A failure has times of its own; what was largest before it is of the start."""
     run = runs["two layers"]
@@ -309,6 +346,13 @@ def test_what_is_nothing_is_0_and_what_is_missing_is_left_out(runs):
     assert line.split()[2:4] == ["0", "largest"], "a start has forces that operation has not"
     off = run.scene.replace({"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]})
     assert headline(off, run.summary).startswith("quickstart: coasts with the motors off, at 25.74 Hz")
+    jump = [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 0.0, "supply_frequency_hz": 0.0}]
+    braked = run.scene.replace({"drive.program": jump})
+    assert headline(braked, run.summary).startswith("quickstart: is braked by the motors (supply 0 Hz), at 25.74 Hz")
+    assert "while its motors brake" in short_lines(Sheet(braked, run.summary))[0]
+    assert [line for line in short_lines(Sheet(braked, run.summary)) if line.startswith("motor power")]
+    still = run.summary | {"measured_turns": 0, "speed_ripple_1_hz": 0.001, "speed_ripple_2_hz": 0.0}
+    assert headline(braked, still) == "quickstart: the exciters have come to rest, motors braking at 0 Hz"
     ends = {0.5: "swing out", 0.001: "have come to rest"}
     for ripple, end in ends.items():
         known = run.summary | {"measured_turns": 0, "speed_ripple_1_hz": ripple, "speed_ripple_2_hz": 0.0}

@@ -57,6 +57,9 @@ MESSAGES = {
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
+        "machine: {platform_mass_kg: 1'168.5}": 'machine.platform_mass_kg = "1\'168.5"; allowed: a number, as 1168.5',
+        "name: 12": 'name = 12; allowed: text, as "12" in quotation marks',
+        "machine: {platform_mass_kg: 2024-05-03}": "machine.platform_mass_kg = '2024-05-03'; allowed: a number",
         "find: {from: neighbour, key: x, start: 0, stop: 1, compare: regime}": "find.from = 'neighbour'; it is now "
         "previous; allowed: 'initial' or 'previous'",
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
@@ -76,6 +79,8 @@ MESSAGES = {
         f"motor: {{pole_pairs: 1{'0' * 400}}}": f"motor.pole_pairs = 1{'0' * 56}...; allowed: at most 1000",
         program(START, "t_s: 1, supply_frequency_hz: 5e-4"): "drive.program.1: supply_frequency_hz = 0.0005; "
         "allowed: 0, or at least 0.001",
+        program(START, "t_s: 1", "t_s: 1.0000000000000002"): "drive: program.2.t_s = 1.0000000000000002 is 2.2e-16 s "
+        "after 1.0; allowed: the same time, for a jump, or at least 1e-06 s later",
         "solver: {tolerance: 1e-13}": "solver: tolerance = 1e-13 with engine auto; allowed: at least 1e-12, or 1e-14 "
         "with engine taylor",
         "drive: {supply_frequency_hz: 1e12}\nmotor: {pole_pairs: 4}": "run.duration_s = 4.0 takes 1e+12 turns at the "
@@ -86,6 +91,12 @@ MESSAGES = {
         'name: "a\\nb"': f"name = 'a\\nb'; allowed: {NAME}, as name: a-b",
         "output: {points: {two words: [0, 0]}}": "output.points.two words.[key] = 'two words'; allowed: at most 40 "
         "letters of English, digits and _, starting with a letter, as two_words",
+        "output: {points: {Förderer: [0, 0]}}": "output.points.Förderer.[key] = 'Förderer'; allowed: at most 40 "
+        "letters of English, digits and _, starting with a letter, as Foerderer",
+        f"output: {{points: {{{'a' * 41}: [0, 0]}}}}": f"output.points.{'a' * 41}.[key] = '{'a' * 41}'; allowed: at "
+        f"most 40 letters of English, digits and _, starting with a letter, as {'a' * 40}",
+        "output: {points: {питатель: [0, 0]}}": "output.points.питатель.[key] = 'питатель'; allowed: at most 40 "
+        "letters of English, digits and _, starting with a letter",
         "design: {parameter_tolerances: {machine.platform_mass_kg: 5}}": "design.parameter_tolerances."
         "machine.platform_mass_kg = 5; allowed: at most 1.0; 5 % is 0.05",
         "name: ''": "name = ''; allowed: at least 1 character",
@@ -210,7 +221,13 @@ SETTINGS = [
         "exciters.-1.critical_slip=0.1",
         "c.yaml: unknown key exciters.-1; allowed: exciters.0 to exciters.1: exciters.0 is motor 1",
     ),
-    ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number"),
+    ("motors: [{}, {}]", "motors.0.pole_pairs='3'", "c.yaml: motors.0.pole_pairs = '3'; allowed: a whole number, as 3"),
+    (
+        "",
+        "machine.platform_mass_kg=1,168",
+        "--set machine.platform_mass_kg=1,168: a decimal comma; allowed: a point, 1.168, or 1168 without a separator "
+        "of thousands",
+    ),
     (program(), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: none"),
     (program(START), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: drive.program.0"),
     ("exciters: [{}, {}]", "exciters=[{}]", "c.yaml: exciters = [{}]; allowed: entries, at least 2"),
@@ -223,6 +240,15 @@ SETTINGS = [
     ("motor: 3", "motors.0.pole_pairs=2", f"c.yaml: motors.1 = 3; allowed: {SECTION}"),
     ("motor: 3", "exciters.1.critical_slip=0.1", f"c.yaml: motor = 3; allowed: {SECTION} (and 1 more)"),
 ]
+
+
+def test_numbers_of_yaml_and_of_our_prints_are_read_and_dates_are_text(scene_of):
+    """Signs may be those of printed numbers, U+2212, also in bounds."""
+    numbers = {".1168e4": 1168.0, "+.5": 0.5, "−15": -15.0, "−1.5e−3": -1.5e-3}
+    for text, number in numbers.items():
+        assert parse_overrides([f"a.b={text}"]) == {"a.b": number}
+    scene = scene_of("name: 2024-05-03\nfind: {key: material.mass_ratio, start: 0, stop: 1, expression: x_m > −2.5}")
+    assert (scene.name, scene.find.compared) == ("2024-05-03", ("x_m", ">", -2.5))
 
 
 def test_messages_about_settings(scene_of, complaint):

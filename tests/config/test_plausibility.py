@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART
 
 from vibroplat import Machine, Scene, load_config
-from vibroplat.config.plausibility import notes_on_input, notes_on_inputs, notes_on_plan
+from vibroplat.config.plausibility import HINT, WARNING, notes_on_input, notes_on_inputs, notes_on_plan
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -67,6 +67,16 @@ UNUSUAL = [
         ],
     ),
     (
+        {
+            "drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 2.0, "exciter_2": "off"}],
+            "run.duration_s": 1.5,
+        },
+        [
+            "drive.program.1.t_s = 2: the run ends before, at 1.5 s, and does not get there; times are in seconds, and "
+            "a longer run.duration_s helps"
+        ],
+    ),
+    (
         {"exciters": [MOTOR | {"rotor_inertia_kg_m2": 8e-4, "unbalance_radius_m": r} for r in (10.0, 0.03)]},
         [
             f"{MASSES}, drive.supply_frequency_hz = 51.5, exciters.0.unbalance_radius_m = 10, "
@@ -102,8 +112,10 @@ UNUSUAL = [
 def test_unusual_numbers_are_noted():
     for text, note in NUMBERS.items():
         key, _, number = text.partition(" = ")
-        assert notes_on_input(load_config(QUICKSTART, {key: float(number)})) == [text + note]
-    assert [notes_on_input(load_config(QUICKSTART, changes)) for changes, _ in UNUSUAL] == [n for _, n in UNUSUAL]
+        assert notes_on_input(load_config(QUICKSTART, {key: float(number)})) == [WARNING + text + note]
+    for changes, notes in UNUSUAL:
+        expected = [note if note.startswith(HINT) else WARNING + note for note in notes]
+        assert notes_on_input(load_config(QUICKSTART, changes)) == expected
 
 
 def test_what_concerns_one_run_is_not_noted_of_a_study():
@@ -142,13 +154,16 @@ def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():
     ends = [weak, weak.replace({"motor.critical_torque_n_m": 20.0})]
     assert notes_on_inputs(ends, ["torque 0.02", "torque 20"]) == [f"at torque 0.02: {note}"]
     assert notes_on_inputs([weak, weak], ["one", "other"]) == [note], "what holds at both ends has no place"
+    heavy = load_config(QUICKSTART, {"material.mass_ratio": 20.0})
+    (note,) = notes_on_inputs([heavy, load_config(QUICKSTART)], ["one", "other"])
+    assert note == f"{WARNING}at one: material.mass_ratio = 20; usual: up to 5"
 
 
 # -- numbers taken by default ---------------------------------------------------------------------------
 
 
 def test_a_scene_without_a_machine_says_which_it_takes():
-    expected = ["machine and motor: no key given; taken from the paper's test rig"]
+    expected = [f"{WARNING}machine and motor: no key given; taken from the paper's test rig"]
     assert notes_on_input(Scene()) == expected
     assert notes_on_input(Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})) == expected
     assert notes_on_input(pickle.loads(pickle.dumps(Scene()))) == expected  # as workers get it
@@ -164,7 +179,7 @@ def test_a_scene_without_a_machine_says_which_it_takes():
 )
 def test_keys_of_a_machine_that_are_left_out_are_noted(left_out, notes, tmp_path):
     given = SECTIONS["machine"].model_dump(exclude={*left_out.split()})
-    expected = [f"{note}; taken from the paper's test rig" for note in notes]
+    expected = [f"{WARNING}{note}; taken from the paper's test rig" for note in notes]
     scene = Scene(machine=Machine(**given), motor=SECTIONS["motor"])
     assert notes_on_input(scene) == notes_on_input(scene.replace({"drive.supply_frequency_hz": 46.0})) == expected
     file = tmp_path / "own.yaml"
@@ -178,7 +193,7 @@ def test_keys_of_the_machine_that_each_exciter_gives_have_no_effect_and_are_not_
     ]
     scene = load_config(QUICKSTART, {"exciters": own})
     (note,) = notes_on_input(scene)
-    assert note.startswith("no effect of machine.unbalance_mass_kg = 0.045: ")
+    assert note.startswith(f"{WARNING}no effect of machine.unbalance_mass_kg = 0.045: ")
     assert notes_on_input(Scene.from_tree(scene.to_tree())) == []
     del own[1]["unbalance_mass_kg"]
     assert notes_on_input(load_config(QUICKSTART, {"exciters": own})) == []
@@ -187,7 +202,7 @@ def test_keys_of_the_machine_that_each_exciter_gives_have_no_effect_and_are_not_
 def test_each_of_two_motors_is_noted():
     scene = load_config(QUICKSTART, {"motors": [{"critical_torque_n_m": 1.0}, MOTOR]})
     left_out = "critical_slip, pole_pairs and friction_radius_m"
-    assert notes_on_input(scene) == [f"motors.0: {left_out} not given; taken from the paper's test rig"]
+    assert notes_on_input(scene) == [f"{WARNING}motors.0: {left_out} not given; taken from the paper's test rig"]
 
 
 def test_motors_that_cannot_turn_at_the_same_speed_are_noted():
@@ -208,3 +223,19 @@ def test_rotors_do_not_grow_with_motors_that_a_study_varies():
     assert notes_on_plan(Scene(design=tolerances), "design") == []
     both = {"keys": {"motor.critical_torque_n_m": [1.0, 2.0], "machine.rotor_inertia_kg_m2": [1e-4, 1e-3]}}
     assert notes_on_plan(Scene(design=both), "design") == []
+
+
+def test_keys_that_a_study_does_not_read_are_told():
+    plan = {"supply_frequency_hz": {"start": 40.0, "stop": 50.0}}
+    assert notes_on_plan(Scene(run={"seed": 7}, sweep=plan), "sweep") == [
+        f"{WARNING}run.seed = 7 has no effect on sweep: sweep.seed = 0 counts"
+    ]
+    assert notes_on_plan(Scene(sweep=plan | {"perturbation": 0.0, "seed": 3}), "sweep") == [
+        f"{WARNING}sweep.seed has no effect: sweep.perturbation is 0, so nothing is random"
+    ]
+    orbits = {"key": "material.damping_ratio", "start": 0.1, "stop": 0.5}
+    assert notes_on_plan(Scene(run={"seed": 7}, orbits=orbits), "orbits") == [
+        f"{WARNING}no effect of material.damping_ratio: there is no material, as material.mass_ratio is 0"
+    ]
+    loaded = orbits | {"grid": {"material.mass_ratio": [0.0, 0.2]}}
+    assert notes_on_plan(Scene(orbits=loaded, sweep=plan), "orbits") == []

@@ -1,7 +1,9 @@
 """Scenes: what they are made of, how they are changed and written, and the schema of their files."""
 
 import itertools
+import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -142,8 +144,9 @@ def test_phase_difference_of_counter_rotating_exciters_is_a_sum():
         ({"phase_difference_rad": 0.3, "phi1_rad": 0.1}, (0.1, 0.2)),
         ({}, (0.0, math.pi)),
         ({"speed_ratio": 0.0, "phi1_rad": 0.0}, (0.0, math.pi)),
+        ({"speed_ratio": 0.0}, (-1.5, -1.5)),
     ):
-        assert Scene(run={"initial": initial}).run.initial.angles(1.0) == pytest.approx(angles)
+        assert Scene(run={"initial": initial}).run.initial.angles(1.0, -1.5) == pytest.approx(angles)
 
 
 def test_nothing_disturbs_a_machine_whose_motors_are_off_during_the_run():
@@ -188,6 +191,11 @@ def test_schema_refuses_other_keys_and_says_what_is_allowed():
     schema = configuration_schema()
     assert (schema["title"], schema["type"]) == ("vibroplat configuration", "object")
     assert schema["properties"]["extends"]["type"] == "string"
+    assert schema["$schema"].endswith("2020-12/schema")
+    patterns = re.findall(r'"pattern": "(.*?)"[,}]', json.dumps(schema))
+    assert len(patterns) > 0
+    for pattern in patterns:
+        assert re.compile(json.loads(f'"{pattern}"')), "classes of letters are not known everywhere"
     assert [s for s in (schema, *schema["$defs"].values()) if s["additionalProperties"]] == []
     restitution = schema["$defs"]["Contact"]["properties"]["restitution"]
     assert restitution | {"default": 0.0, "minimum": 0.0, "maximum": 1.0, "type": "number"} == restitution

@@ -7,7 +7,7 @@ import pytest
 from vibroplat import load_config, orbit
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan
-from vibroplat.continuation.answer import answer_of
+from vibroplat.continuation.answer import _cut_short, answer_of
 from vibroplat.continuation.branch_tasks import ComputedBranch, multiplier_columns
 from vibroplat.continuation.rows import orbit_motion
 from vibroplat.continuation.study import OrbitsStudy
@@ -155,15 +155,16 @@ def test_stable_ranges_end_at_the_points_where_stability_is_lost():
     rows = {KEY: [1.0, 2.0, 3.0, 4.0, 5.0], "stable": [False, True, True, True, False], "point": range(5)}
     branches = pd.DataFrame(rows).assign(branch=0, sync="antiphase", excitation_frequency_hz=1.0, rms_y_m=1.0)
     branches = pd.concat([branches.assign(**{MASS: mass}) for mass in (0.0, 0.1)])
-    places = {KEY: [1.637, 3.5, 4.2, 4.8, 4.9], "point": [0, 2, 3, 3, 3], "branch": 0, MASS: [0.0] * 4 + [0.1]}
+    values, mass = [1.637, 3.5, 4.2, 4.5, 4.8, 4.9], [0.0] * 5 + [0.1]
+    places = {KEY: values, "point": [0, 2, 3, 3, 3, 3], "branch": 0, MASS: mass}
     special = pd.DataFrame(places).assign(
-        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "fold", "fold"]
+        excitation_frequency_hz=1.0, period=1, kind=["branch-point", "grazing", "liftoff", "liftoff", "fold", "fold"]
     )
     plan = OrbitsPlan.model_validate({**PLAN, "grid": {MASS: [0.0, 0.1]}})
     summary = {
         "branches": [
             dict.fromkeys(("branch", "origin", "parent", "least", "largest", "points", "stable", "ended", "failed"))
-            | {"grid": {MASS: 0.0}}
+            | {"grid": {MASS: 0.0}, "ended": "stop of the key's range"}
         ],
         "boundaries": [],
         "failed": 0,
@@ -171,4 +172,21 @@ def test_stable_ranges_end_at_the_points_where_stability_is_lost():
     }
     answer = answer_of(plan, {"branches": branches.assign(turns=1, residual=0.0), "special": special}, summary, "")
     assert "1.637 … 4.800" in answer.short[1]
+    assert answer.short[1].endswith("  4.200"), "the first of two lift-offs"
     assert "2.000 … 4.900" in answer.short[2]
+
+
+def test_what_ended_by_a_limit_of_the_plan_is_told_first():
+    plan = OrbitsPlan.model_validate(
+        {**PLAN, "max_branches": 2, "boundaries": {"key": MASS, "start": 0.0, "stop": 0.3}}
+    )
+    low, high = plan.range
+    ends = {"whole": "stop of the key's range", "cut": "max_points = 2 reached"}
+    branches = [{"grid": {}, "ended": end, "least": low, "largest": 0.9 * low + 0.1 * high} for end in ends.values()]
+    summary = {"branches": branches, "boundaries": [{"ended": ["max_points = 9 reached", "end of a key's range"]}]}
+    assert [*_cut_short(plan, summary)] == [
+        "1 of 2 branches ended early, after 10 % of the range: max_points = 2 reached",
+        "1 of 1 boundary curve ended early: boundaries.max_points = 9 reached",
+        "there may be more branches: max_branches = 2 reached",
+    ]
+    assert not [*_cut_short(plan, {"branches": branches[:1], "boundaries": []})]

@@ -89,6 +89,18 @@ def test_rings_of_samples_are_told_in_the_units_of_their_axes():
     assert labels.count("nominal") == 1
 
 
+def test_rings_of_phases_that_pass_the_end_of_their_axis_lie_among_their_samples():
+    away = np.linspace(-0.4, 0.4, 41)
+    samples = pd.DataFrame({"sample": range(41), "stable": True, "regime": "intermediate, period 1"})
+    samples = samples.assign(phase_difference_rad=away - 0.5 * np.pi)
+    table = elastic(phase_difference_rad=np.nan)
+    figure = drawn({"parameter_tolerances": {MASS: 0.1}}, "samples", sensitivities=table, samples=samples)
+    (axis,) = (axis for axis in figure.axes if axis.axison)
+    assert [text.get_text() for text in axis.texts] == ["−1.93 rad", "−1.57 rad", "−1.21 rad"]
+    title = "Phase difference about −1.571 rad: −360 … 360 mrad in 90 %"
+    assert figure.get_suptitle() == title
+
+
 def test_samples_are_judged_by_the_bounds_in_the_units_of_their_axes():
     random = np.random.default_rng(0)
     samples = pd.DataFrame({"sample": range(40), "stable": True, "regime": "antiphase, period 1"})

@@ -48,6 +48,18 @@ def measured(found, name):
     return 1.0 - abs(found.multipliers[0]) if name == "stability_margin" else found.measures[name]
 
 
+def test_a_phase_difference_has_a_derivative_across_pi_and_no_elasticity(scene):
+    equal = scene.replace({"material.mass_ratio": 0.0, "exciters": [{}, {}]})
+    key, value = "exciters.0.unbalance_radius_m", equal.exciter_pair[0].unbalance_radius_m
+    found = orbit(equal)
+    row = found.sensitivities([key], ["phase_difference_rad"]).iloc[0]
+    assert row["value"] == pytest.approx(np.pi)
+    above, below = (orbit(equal.replace({key: value * (1.0 + h)}), found).measures for h in (1e-3, -1e-3))
+    turned = np.angle(np.exp(1j * (above["phase_difference_rad"] - below["phase_difference_rad"])))
+    assert row["derivative"] == pytest.approx(turned / (2e-3 * value), rel=1e-3)
+    assert np.isnan(row["elasticity"])
+
+
 def test_all_keys_that_matter_are_varied_if_none_are_named(scene):
     table = orbit(scene).sensitivities(measures=["rms_y_m"])
     keys = set(table["key"])

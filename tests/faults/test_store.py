@@ -2,10 +2,13 @@
 
 import json
 import math
+import os
 import shutil
 import signal
 import sqlite3
+import tempfile
 from contextlib import closing
+from pathlib import Path
 
 import psutil
 import pytest
@@ -217,7 +220,7 @@ def test_file_that_is_no_store_is_told_and_left_alone(tmp_path):
         Store(tmp_path, {})
     file.unlink()
     file.mkdir()
-    with pytest.raises(TableError, match=f"^{file} cannot be used: unable to open database file$"):
+    with pytest.raises(TableError, match=f"^{file} cannot be used: Is a directory$"):
         Store(tmp_path, {})
 
 
@@ -303,3 +306,51 @@ def test_other_code_is_told_after_other_conditions_and_needs_no_refusal_where_no
         store.write(0, 0, {})
         with pytest.raises(ConfigError, match=r"^cannot resume: arithmetic = here; allowed: there, as in the finished"):
             store.require("arithmetic", "here")
+
+
+@pytest.mark.parametrize(("folder", "mode"), [(0o2775, 0o664), (0o755, 0o644)])
+def test_files_of_a_study_can_be_written_by_those_who_can_write_their_folder(folder, mode, tmp_path):
+    """SQLite and a umask of 022 would keep them from the group."""
+    tmp_path.chmod(folder)
+    before = os.umask(0o022)
+    try:
+        with Store(tmp_path, {}):
+            modes = {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()}
+    finally:
+        os.umask(before)
+    assert modes == dict.fromkeys((f"points.{end}" for end in ("lock", "sqlite", "sqlite-shm", "sqlite-wal")), mode)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can be two users")
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_an_attempt_of_another_user_leaves_nothing(tmp_path):
+    """The database of a former version can be written by its owner alone; its lock can be taken by the group."""
+
+    def as_user(number, conditions):
+        child = os.fork()
+        if child == 0:
+            os.setgroups([])
+            os.setgid(40_000)
+            os.setuid(number)
+            try:
+                Store(place, conditions, resume=True).close()
+                os._exit(0)
+            except TableError as error:
+                os._exit(3 if str(error) == f"{place / 'points.sqlite'} cannot be used: Permission denied" else 4)
+            finally:
+                os._exit(5)
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+    with tempfile.TemporaryDirectory() as made:  # other users cannot enter pytest's
+        place = Path(made)
+        os.chown(place, 40_001, 40_000)
+        place.chmod(0o2775)
+        assert as_user(40_001, {}) == 0
+        assert as_user(40_002, {}) == 0
+        (place / "points.sqlite").chmod(0o644)
+        assert as_user(40_002, {}) == 3
+        assert {path.name for path in place.iterdir()} == {"points.sqlite", "points.lock"}
+        assert as_user(40_001, {}) == 0
+        (place / "points.sqlite").unlink()
+        assert as_user(40_002, {0: object()}) == 5  # conditions that cannot be kept
+        assert {path.name for path in place.iterdir()} == {"points.lock"}

@@ -9,7 +9,10 @@ import sys
 import pytest
 from common.commands import PROGRAM, Done
 from common.places import FLYING, QUICKSTART
+from common.results import edited, unproven
 
+from vibroplat import load
+from vibroplat.page.text import escape
 from vibroplat.system import memory
 from vibroplat.system.interrupts import RESUMABLE
 
@@ -50,6 +53,23 @@ def test_characters_that_a_stream_does_not_have_are_escaped():
     environment = os.environ | {"PYTHONIOENCODING": "ascii"}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout == done.stderr == "\\u2026\n"
+
+
+def test_characters_of_control_are_shown_and_not_sent():
+    code = "import logging, sys\nfrom vibroplat.system.terminal import open_streams\nopen_streams()\n"
+    code += "logging.basicConfig()\nprint(text := 'a\\x1b]0;b\\x07\\x9b2J\\u202e\\tc')\n"
+    code += "logging.warning(text)\nsys.stdout.writelines([text])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    shown = r"a\x1b]0;b\x07\x9b2J\u202e" + "\tc"
+    assert (done.stdout, done.stderr) == (f"{shown}\n{shown}", f"WARNING:root:{shown}\n")
+
+
+def test_a_result_of_somebody_else_changes_no_terminal(runs, tmp_path):
+    directory = runs["bare"].save(tmp_path / "some")
+    edited(unproven(directory), "summary", notes=["\x1b[2J"])
+    for text in (repr(load(directory)), escape("\x1b[2J")):
+        assert "\x1b" not in text
+        assert r"\x1b[2J" in text
 
 
 def test_run_without_compilation_is_refused_with_the_name_of_the_setting(here):

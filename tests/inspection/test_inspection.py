@@ -9,6 +9,7 @@ from common.commands import command
 
 from vibroplat import Scene, load_config, simulate
 from vibroplat.config.digits import quantity
+from vibroplat.config.plausibility import WARNING
 from vibroplat.config.reader import configurations
 from vibroplat.inspection.balance import (
     balances,
@@ -187,7 +188,10 @@ def test_at_most_twelve_lines_for_every_machine(changes):
     found = Scene().replace(changes).inspect()
     lines = str(found).splitlines()
     assert len(lines) <= 12
-    assert bool(found.answer.notes) == bool(re.search(r"note: |notes?: -v|\(-v\)|more: -v", lines[-1]))
+    told = re.search(r"note: |warning: |notes?: -v|\(-v\)|more: -v", "\n".join(lines))
+    assert bool(found.answer.notes) == bool(told)
+    warnings = [note for note in found.answer.notes if note.startswith(WARNING)]
+    assert all(note in " ".join(str(found).split()) for note in warnings)
     assert all(len(line) <= 110 and not re.search(r"\b(nan|inf)\b", line) for line in lines), lines
 
 
@@ -226,6 +230,18 @@ def test_exciters_at_two_speeds_are_told_apart():
     assert "–, no common speed" in str(found)
 
 
+def test_what_a_run_does_not_reach_is_not_expected():
+    """Of a ramp that goes on beyond it, the frequency at its end."""
+    on, off = {"t_s": 0.0, "supply_frequency_hz": 40.0}, {"t_s": 3.0, "exciter_2": "off"}
+    scene = Scene().replace({"drive.program": [on, off]})
+    assert scene.replace({"run.duration_s": 2.0}).inspect() == pytest.approx(
+        Scene().replace({"drive.supply_frequency_hz": 40.0}).inspect(), nan_ok=True
+    )
+    assert scene.replace({"run.duration_s": 5.0}).inspect()["excitation_frequency_2_hz"] == 0.0
+    ramp = Scene().replace({"drive.program": [on, {"t_s": 8.0, "supply_frequency_hz": 80.0}], "run.duration_s": 2.0})
+    assert ramp.inspect()["supply_frequency_hz"] == 50.0
+
+
 def test_a_start_is_judged_before_the_motors_go_off():
     supply = [{"t_s": 0.0, "supply_frequency_hz": 50.0}]
     scene = load_config(
@@ -234,7 +250,7 @@ def test_a_start_is_judged_before_the_motors_go_off():
     found = scene.replace(drive={"program": [*supply, {"t_s": 4, "off": True}]}).inspect()
     assert found["passage_ratio"] < 0.2
     lines = str(found).splitlines()
-    assert "; a start passes; until off at 4.00 s; far above" in lines[0]
+    assert "; a start passes; driven until 4.00 s; far above" in lines[0]
     assert "to pass" in lines[7]
     ramp = [{"t_s": 0.0, "supply_frequency_hz": 0.0}, {"t_s": 2.0, "supply_frequency_hz": 80.0}]
     short = Scene(drive={"program": [*ramp, {"t_s": 2.0, "off": True}]})
@@ -272,13 +288,13 @@ def test_command(tmp_path):
     done = command("inspect", str(file), "-v", "--set", "drive.supply_frequency_hz=40")
     assert done.code == 0
     assert done.out.startswith("mine: in-phase expected at 19.7")
-    assert "note: machine: platform_mass_kg" in done.out
-    assert done.out.index("each motor gives") < done.out.index("note: machine: ")
+    assert "warning: machine: platform_mass_kg" in done.out
+    assert done.out.index("warning: machine: ") < done.out.index("each motor gives")
     assert "torque to lift unbalance 1" in done.out
     brief = command("inspect", str(file), "--set", "drive.supply_frequency_hz=40").out.splitlines()
     assert len(brief) <= 12
     assert max(map(len, brief)) <= 110
-    assert brief[-1].startswith("  note: each motor gives")
+    assert any(line.startswith("  warning: machine: platform_mass_kg") for line in brief)
     wrong = command("inspect", str(file), "--set", "motor.critical_torque_n_m=-1")
     assert wrong.code == 2
     assert "critical_torque_n_m" in wrong.err
@@ -292,3 +308,30 @@ def test_a_motor_that_fails_is_held_by_the_platform_as_a_run_shows():
     found = load_config(CONFIGS / "templates/heavy-screen.yaml", changes).inspect()
     assert found["expected"] == "antiphase"
     assert found["excitation_frequency_2_hz"] == pytest.approx(16.322, rel=1e-3)
+
+
+def test_co_rotating_exciters_that_only_rock_the_machine_are_noted():
+    """The distance is where the forces of both are a quarter of a turn apart, far above resonances."""
+
+    def noted(half):
+        exciters = {
+            f"exciters.{i}": {"rotation": "clockwise", "position_m": [x, 0.5]} for i, x in enumerate((half, -half))
+        }
+        found = load_config(CONFIGS / "templates" / "screen.yaml", {"material.mass_ratio": 0.0} | exciters).inspect()
+        rocks = [note for note in found.answer.notes if "rock the machine" in note]
+        return found["phase_difference_rad"], rocks
+
+    phase, (note,) = noted(0.25)
+    assert abs(phase) > 2.9
+    assert re.search(r"strokes are 9\.\d % of .* 2\.31 m apart and more on the same line, instead of 0\.500 m", note)
+    assert noted(1.17)[1] == []
+    assert abs(noted(1.16)[0]) == pytest.approx(0.5 * math.pi, abs=0.05)
+
+
+def test_flights_longer_than_a_period_are_noted_where_material_is_conveyed():
+    feeder = load_config(CONFIGS / "examples" / "conveying.yaml")
+    fast = feeder.replace({"drive.supply_frequency_hz": 80.0})
+    assert [sum("above 3.30 a flight" in note for note in one.inspect().answer.notes) for one in (feeder, fast)] == [
+        0,
+        1,
+    ]

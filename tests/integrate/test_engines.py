@@ -17,6 +17,7 @@ from vibroplat.hybrid.state import NON_FINITE, RUNNING, empty_steps
 from vibroplat.integrate.native import NativeEngine, self_check
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.model.parameters import parameters
+from vibroplat.results.tables import TableFile
 
 COUNTERS = ("steps", "residual_calls", "jacobian_calls", "error_test_failures", "newton_failures", "restarts")
 
@@ -127,6 +128,21 @@ def test_residual_that_is_not_finite_ends_the_run(quickstart):
     assert (h.run["state"] == state).all()
     assert np.isfinite(state).all()
     engine.close()
+
+
+def test_auto_repeats_a_run_by_the_engine_that_can(quickstart, tmp_path):
+    """Tables on disk are those of the repeated run alone. A named engine is kept, and the message names the other."""
+    changes = {"run.duration_s": 0.06, "run.initial.state.upper_m": 1e9, "material.damping_ratio": 0.05}
+    scene = quickstart.replace(changes | {"machine.damping_y_n_s_per_m": 400.0})
+    with TableFile(tmp_path, "trajectory", "csv") as rows, TableFile(tmp_path, "events", "csv") as events:
+        run = simulate(scene, sink=(rows, events))
+        assert (run.outcome, run.summary["engine"]) == ("ok", "taylor")
+        table = pd.read_csv(rows.finish())
+        assert len(pd.read_csv(events.finish())) == run.summary["events"]
+    assert table["t_s"].tolist() == run.trajectory["t_s"].tolist()
+    named = simulate(with_engine(scene, "native"), keep="summary")
+    assert named.outcome == "solver-failure"
+    assert " s; solver.engine = taylor may succeed, state [" in named.summary["detail"]
 
 
 def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):

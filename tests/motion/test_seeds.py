@@ -4,18 +4,17 @@ import pytest
 from common.places import ROOT
 
 from vibroplat import load_config, simulate
-from vibroplat.motion import seeds
-from vibroplat.motion.seeds import MOST_SEEDS, peaks_of_seeds
+from vibroplat.motion.seeds import MORE_SEEDS, peaks_of_seeds
 
 
 @pytest.fixture(scope="module")
 def screen():
-    return load_config(ROOT / "configs" / "templates" / "screen.yaml")
+    return load_config(ROOT / "configs" / "templates" / "screen.yaml", {"solver.engine": "taylor"})
 
 
 def test_peaks_of_a_start_have_ranges_over_seeds(screen):
     """Each end is the peak of a whole run with its seed, though the further runs are shorter."""
-    whole = [simulate(screen.replace({"run.seed": k}), keep="summary") for k in range(MOST_SEEDS + 1)]
+    whole = [simulate(screen.replace({"run.seed": k}), keep="summary") for k in range(MORE_SEEDS + 1)]
     found = peaks_of_seeds(whole[0])
     assert found["seeds"] == len(whole)
     for name in ("whole_stroke_x_m", "whole_stroke_y_m", "whole_foundation_force_x_max_n"):
@@ -25,18 +24,24 @@ def test_peaks_of_a_start_have_ranges_over_seeds(screen):
     assert found["captured"] == 0
 
 
-def test_a_run_that_still_changes_has_ranges_although_its_measured_part_has_the_peaks(screen, monkeypatch):
+def test_a_run_that_still_changes_has_ranges_although_its_measured_part_has_the_peaks(screen):
     """Its measured part is no steady operation; and where some starts are captured, it is told."""
     short = screen.replace({"run.duration_s": 0.7})
     run = simulate(short, keep="summary")
     assert run.summary["whole_stroke_y_m"] < 1.05 * run.summary["stroke_y_m"]
     assert "whole_stroke_y_m" in peaks_of_seeds(run)
     stiff = screen.replace({"machine.stiffness_phi_n_m_per_rad": 9.3e6})
-    runs = [simulate(stiff.replace({"run.seed": k}), keep="summary") for k in range(MOST_SEEDS + 1)]
+    runs = [simulate(stiff.replace({"run.seed": k}), keep="summary") for k in range(MORE_SEEDS + 1)]
     captured = sum(run.summary["excitation_frequency_hz"] < 20.0 for run in runs)
-    assert 1 < peaks_of_seeds(runs[0])["captured"] <= captured < MOST_SEEDS
-    monkeypatch.setattr(seeds, "SIMULATED_S", 1.0)
-    assert peaks_of_seeds(runs[0])["seeds"] == seeds.FEWEST_SEEDS + 1, "long runs have fewer"
+    assert 1 < peaks_of_seeds(runs[0])["captured"] <= captured < MORE_SEEDS
+
+
+@pytest.mark.parametrize("engine", ["auto", "native"])
+def test_all_runs_of_a_range_count_with_either_engine(screen, engine):
+    """However long they are; more runs than one are many motions, which ``auto`` computes by ``taylor``."""
+    slow = {"drive.supply_frequency_hz": 14.0, "run.duration_s": 1.5, "solver.engine": engine}
+    run = simulate(screen.replace(slow), keep="summary")
+    assert (run.summary["engine"], peaks_of_seeds(run)["seeds"]) == ("native", 20)
 
 
 def test_a_motor_that_is_switched_off_is_so_in_other_phases(screen):
@@ -51,3 +56,12 @@ def test_steady_motion_and_one_that_shall_not_be_disturbed_have_no_further_seeds
     steady = simulate(screen.replace({"run.initial.speed_ratio": 0.98, "material.mass_ratio": 0.0}), keep="summary")
     assert "whole_motor_power_1_max_w" in peaks_of_seeds(steady)
     assert peaks_of_seeds(simulate(screen.replace({"run.perturbation": 0.0}), keep="summary"))["seeds"] == 1
+
+
+def test_a_run_that_continues_undisturbed_has_no_further_seeds_but_other_times_of_switching(screen, tmp_path):
+    """A stop within it is in other phases; one at its beginning is where it is."""
+    simulate(screen.replace({"run.duration_s": 0.5}), keep="table").save(tmp_path / "first")
+    on, off = {"t_s": 0.0, "supply_frequency_hz": 50.0}, {"supply_frequency_hz": 50.0, "off": True}
+    run = {"run": {"duration_s": 0.5, "initial": {"from": str(tmp_path / "first")}}}
+    for program, count in (([on], 1), ([off | {"t_s": 0.0}], 1), ([on, off | {"t_s": 0.6}], MORE_SEEDS + 1)):
+        assert peaks_of_seeds(simulate(screen.replace({"drive.program": program} | run)))["seeds"] == count

@@ -67,6 +67,20 @@ def test_symmetric_antiphase_conveys_nothing(engine, tolerance, least, layers):
     assert np.abs(run.trajectory["along_m"]).max() < least
 
 
+def test_an_inclined_machine_at_rest_stays_so_and_holds_its_material():
+    """Its unbalances hang straight down, not perpendicular to the deck."""
+    off = [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}]
+    rest = {"run": {"duration_s": 0.3, "initial": {"speed_ratio": 0.0}}, "transport.deck_angle_deg": 15.0}
+    scene = load_config(ROOT / "configs/templates/inclined-screen.yaml", rest | {"drive.program": off})
+    run = simulate(scene)
+    assert run.summary["stick_fraction"] == 1.0
+    assert max(run.summary[f"whole_stroke_{axis}_m"] for axis in "xy") < 1e-9
+    pressed = run.trajectory[["friction_force_n", "contact_force_n"]].iloc[-1]
+    assert abs(pressed["friction_force_n"]) == pytest.approx(
+        math.tan(math.radians(15.0)) * pressed["contact_force_n"], rel=1e-6
+    )
+
+
 def test_friction_of_impacts_is_in_work_and_power_of_friction():
     """What friction takes in an impact is its impulse times the mean of the velocities before and after."""
     run = simulate(load_config(ROOT / "configs/templates/feeder.yaml", {"run.duration_s": 3.0}))

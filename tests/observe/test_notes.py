@@ -22,25 +22,28 @@ CAPTURED = {
 }
 
 
+TAYLOR = {"solver.engine": "taylor"}
+
+
 def of_motion(scene, **changes):
     return simulate(scene.replace(changes), keep="summary").notes
 
 
 def test_a_platform_that_turns_far_is_noted(quickstart):
     far = [
-        "the platform turns by up to 0.15 rad, over 0.1 rad: inaccurate in a model of first order in phi, and less "
-        "unbalance reduces it"
+        "warning: the platform turns by up to 0.15 rad, over 0.1 rad: inaccurate in a model of first order in phi, and "
+        "less unbalance reduces it"
     ]
     for phi, notes in ((0.15, far), (0.05, [])):
         state = {"phi_rad": phi, "phi1_rate_rad_per_s": 160.0, "phi2_rate_rad_per_s": -160.0}
         found = of_motion(quickstart, **{"run.initial.state": state, "run.duration_s": 0.2})
-        assert [note for note in found if note.startswith("the platform")] == notes
+        assert [note for note in found if "the platform" in note] == notes
 
 
 def test_motors_that_a_resonance_captures_are_noted(printed):
     """Both motors are alike: one note."""
     assert of_motion(printed, **CAPTURED) == [
-        "each exciter turns at 30.49 Hz, 7.6 % below its synchronous speed 33.00 Hz: captured by a resonance, "
+        "warning: each exciter turns at 30.49 Hz, 7.6 % below its synchronous speed 33.00 Hz: captured by a resonance, "
         "overloaded or still running up, and more torque or a longer run may help"
     ]
 
@@ -49,7 +52,7 @@ def test_only_a_motor_that_is_switched_on_can_be_captured(printed):
     motor = printed.motor.model_dump()
     off = {"motors": [motor, motor | {"critical_torque_n_m": 0.0}], "drive.supply_frequency_hz": 40.0}
     notes = of_motion(printed, **off, **{"machine.damping_y_n_s_per_m": 400.0, "run.duration_s": 6.0})
-    assert not [note for note in notes if note.startswith("exciter 2 turns")]
+    assert not [note for note in notes if "exciter 2 turns" in note]
 
 
 def test_capture_begins_at_a_third_of_the_critical_slip(quickstart):
@@ -71,7 +74,7 @@ def test_a_motor_too_weak_to_turn_is_noted(printed):
     notes = of_motion(printed, **weak, **{"run.duration_s": 4.0})
     assert notes[1].startswith("each motor gives 5.87 mN·m at standstill, 20.0 mN·m at most, where 28.8 mN·m carry")
     told = "each exciter hardly turns, although its synchronous speed is 25.00 Hz: more torque or a longer run may help"
-    assert notes[:1] == [told]
+    assert notes[:1] == [f"warning: {told}"]
 
 
 def test_a_coarse_tolerance_of_sundials_is_noted_where_impacts_amplify_errors():
@@ -100,10 +103,10 @@ FAILURE = {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0}, {"t_s": 
 )
 def test_an_exciter_that_is_off_and_swings_on_is_told_instead_of_a_limit(seconds, note):
     """Its swing decays for minutes; the stroke along x is 2.87 mm in a run of 40 s and 1.54 mm in one of 1000 s."""
-    scene = load_config(ROOT / "configs" / "templates" / "screen.yaml", FAILURE | {"run.duration_s": seconds})
+    scene = load_config(ROOT / "configs" / "templates" / "screen.yaml", FAILURE | {"run.duration_s": seconds, **TAYLOR})
     run = simulate(scene, keep="summary")
     summary = run.summary
-    assert run.notes == ([f"exciter 2, off, still {note}"] if note else [])
+    assert run.notes == ([f"warning: exciter 2, off, still {note}"] if note else [])
     assert (summary["stroke_change"] is None) == bool(note)
     assert "tend to" not in "".join(short_lines(Sheet(scene, summary)))
     if seconds == 40.0:  # of a run that continues another, a part is over
@@ -123,7 +126,7 @@ def test_a_stop_that_is_not_over_is_told(quickstart, seconds, turns):
 def test_shear_inside_a_bed_is_told_by_its_share_of_the_contact():
     """Its mean is 0.2 of the mean pressure, so that means tell nothing."""
     changes = {"transport.friction": 1.5, "transport.static_friction": 1.5, "run.duration_s": 6.0}
-    scene = load_config(ROOT / "configs" / "templates" / "feeder.yaml", changes)
+    scene = load_config(ROOT / "configs" / "templates" / "feeder.yaml", changes | TAYLOR)
     run = simulate(scene)
     table = run.trajectory
     table = table[(table["t_s"] >= run.summary["measured_from_s"]) & table["mode"].isin(["stick", "slip+", "slip-"])]
@@ -159,7 +162,7 @@ def test_a_part_measured_across_a_change_of_the_supply_says_so(quickstart):
         found = [note for note in notes if "supply" in note]
         assert len(found) == bool(noted)
         for note, (last, longer) in zip(found, [noted] * len(found), strict=True):
-            assert note.startswith(f"the supply changes until {last} s, but the measured part begins at 0.2")
+            assert note.startswith(f"warning: the supply changes until {last} s, but the measured part begins at 0.2")
             assert note.endswith(f"run.duration_s = {longer} or more avoids that")
 
 
@@ -167,7 +170,7 @@ def test_a_run_that_has_not_settled_says_so(quickstart):
     """At 65 Hz antiphase is unstable: the exciters are on their way to in-phase when a short run ends."""
     scene = quickstart.replace({"drive.supply_frequency_hz": 65.0, "run": {"duration_s": 3.0, "perturbation": 0.01}})
     (note,) = (note for note in simulate(scene, keep="summary").notes if "phase" in note)
-    assert note.startswith("the phase difference changes by ")
+    assert note.startswith("warning: the phase difference changes by ")
     settled = quickstart.replace({"run": {"duration_s": 3.0, "perturbation": 0.01}})
     assert not any("phase" in note for note in simulate(settled, keep="summary").notes)
 
@@ -178,7 +181,7 @@ def test_a_transient_left_in_strokes_that_repeat_is_noted():
     short, long = (simulate(scene.replace({"run.duration_s": end}), keep="summary") for end in (10.0, 40.0))
     assert short.summary["period"] == long.summary["period"] == 1
     assert short.summary["stroke_change"] > 0.5
-    assert short.notes[0].startswith(f"{percent(short.summary['stroke_change'])} of the stroke, ")
+    assert short.notes[0].startswith(f"warning: {percent(short.summary['stroke_change'])} of the stroke, ")
     assert long.summary["stroke_change"] < 0.02
     assert not any("transient" in note for note in long.notes)
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import RunTables, spectrum_of
 from vibroplat.results.tables import read_table
@@ -16,16 +17,31 @@ from .conftest import drawn
 TURN = 2.0 * np.pi
 
 
-def test_a_spectrum_has_the_amplitude_of_what_repeats_within_whole_turns():
-    """Also where rows begin within a turn, and events have added some, two at a time."""
-    t = np.sort(np.concatenate([np.arange(0.0, 0.4305, 5e-4), [0.21013, 0.21013]]))
+def run_of_rows(t, scene):
+    """Rows of a run at 25 Hz at some times."""
     values = 1.0 + 3.0 * np.cos(TURN * 25.0 * t) + 0.2 * np.sin(TURN * 75.0 * t)
-    table = pd.DataFrame({"t_s": t, "phi1_rad": TURN * 25.0 * t, "a": values})
-    run = RunTables("hand", None, table, table, table, table, False, False, True)
+    table = pd.DataFrame({"t_s": t, "phi1_rad": TURN * 25.0 * t, "a": values, "speed_1_hz": 25.0, "speed_2_hz": -25.0})
+    return RunTables("hand", scene, table, table, table, table, False, False, True)
+
+
+@pytest.mark.parametrize(("begin", "scene"), [(0, None), (0, Scene()), (20_000_000, Scene())])
+def test_a_spectrum_has_the_amplitude_of_what_repeats_within_whole_turns(begin, scene):
+    """Also where rows begin within a turn, events have added some, two at a time, and round-off of late times shows."""
+    run = run_of_rows(np.sort([*(np.arange(begin, begin + 862) / 2000.0), *[begin / 2000.0 + 0.21013] * 2]), scene)
     frequencies, sizes = spectrum_of(run, "a")
     assert frequencies[1] == pytest.approx(2.5)
     assert sizes[[10, 30]] == pytest.approx([3.0, 0.2], rel=1e-9)
     assert np.delete(sizes, [9, 10, 11, 29, 30, 31]).max() < 1e-9
+
+
+@pytest.mark.parametrize(("rate", "seconds", "lacking"), [
+    (50.0, 4.0, "2.0 samples a turn"), (40.0, 4.0, "1.6 samples a turn"),
+    (100.0, 0.05, "4 samples"), (51.0, 4.0, ""), (2000.0, 0.05, ""),
+])  # fmt: skip
+def test_few_samples_give_no_spectrum(rate, seconds, lacking):
+    """Two samples a turn or fewer would show the excitation at another frequency."""
+    scene = Scene().replace({"output.sample_rate_hz": rate})
+    assert run_of_rows(np.arange(0.0, seconds + 0.5 / rate, 1.0 / rate), scene).too_coarse == lacking
 
 
 def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
@@ -42,6 +58,8 @@ def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     for kind, line in (("spectrum", "has no accelerations; simulate it with"), ("measured", "needs --data FILE")):
         with pytest.raises(TableError, match=f"figure {kind}: .*{line}"):
             drawn("run", saved["bare"], kinds=[kind])
+    with pytest.raises(TableError, match=r"figure spectrum: .* too few samples for a spectrum \(5 samples of run "):
+        drawn("run", moved, kinds=["spectrum"], start=0.1, stop=0.1021)
 
 
 def test_data_are_fitted_and_compared_with_any_column(moved, data_file):

@@ -143,6 +143,11 @@ def test_what_is_not_compared_is_told(tmp_path):
     data.compare("y_m", "t_s", [(np.array([0.0, 1.0]), np.array([0.0, 0.0]))])
     assert data.lines() == ["rig.csv: y is not compared: fewer than two of its values lie beside a curve, or all are 0"]
     assert data.difference("y_m") == ""
+    table = pd.DataFrame({"supply_frequency_hz": [40.0, 41.0], "phase_difference_rad": [3.1, -3.1]})
+    data = Measured(tmp_path / "rig.csv", table).select("supply_frequency_hz", ["phase_difference_rad"])
+    data.compare("phase_difference_rad", "supply_frequency_hz", [(np.array([40.0, 41.0]), np.array([-3.1, 3.1]))])
+    told = "is not compared: it is an angle, whose zero is arbitrary, and has no relative error"
+    assert data.lines() == [f"rig.csv: phase difference {told}"]
 
 
 def test_the_shift_is_found_in_the_whole_run_and_the_interval_of_the_data_is_shown(tmp_path):

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from common.results import unproven
 from scipy.io import loadmat
 
 from vibroplat import load
@@ -87,3 +88,18 @@ def test_a_finished_result_is_exported_and_a_new_one_takes_the_exports_away(writ
     assert not {"sweep.mat", "sweep.csv"} & {path.name for path in written("parquet").iterdir()}
     with pytest.raises(TableError, match="no Parquet tables; allowed: a result of --format parquet"):
         export_result(written("csv", TABLE.drop(columns="count")), "sweep", "mat")
+
+
+def test_a_changed_or_damaged_table_is_not_exported(written):
+    directory = written("parquet")
+    path = directory / "sweep.parquet"
+    whole = path.read_bytes()
+    TABLE.assign(n=7).to_parquet(path)
+    with pytest.raises(TableError, match=r"sweep\.parquet was changed or belongs to another result"):
+        export_result(directory, "sweep", "mat")
+    path.write_bytes(whole[:-9])
+    unproven(directory)
+    for form in ("mat", "csv-semicolon"):
+        with pytest.raises(TableError, match=r"sweep\.parquet cannot be read: "):
+            export_result(directory, "sweep", form)
+    assert not {"sweep.mat", "sweep.csv"} & {path.name for path in directory.iterdir()}

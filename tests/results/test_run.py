@@ -4,10 +4,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
+from common.results import edited, unproven
 from scipy.io import loadmat
 
 from vibroplat import Scene, load, simulate
-from vibroplat.errors import ConfigError
+from vibroplat.errors import ConfigError, TableError
+from vibroplat.page.report import write_report
+from vibroplat.plots.command import plot_results
 
 
 @pytest.fixture(scope="module")
@@ -103,3 +106,20 @@ def test_a_run_without_its_table_needs_no_sample_rate(quickstart, monkeypatch, k
     if keep == "segments":
         with pytest.raises(ConfigError, match=r"^output.sample_rate_hz = 1e\+12 asks for"):
             _ = run.trajectory
+
+
+@pytest.mark.parametrize(("name", "value"), [("rms_phi_rad", None), ("outcome", None), ("motor_torque_1_mean_n_m", {})])
+def test_a_summary_that_no_run_has_written_is_told_in_a_line_by_all_readers(saved, name, value):
+    edited(unproven(saved), "summary", **{name: value})
+    readers = (lambda: load(saved).answer, lambda: plot_results([saved], ["force"]), lambda: write_report([saved]))
+    for read in readers:
+        with pytest.raises(
+            TableError, match=r"summary\.json cannot be used \(\w+Error: .*\): not as vibroplat writes it"
+        ):
+            read()
+
+
+def test_what_readers_do_not_check_is_a_line_too(saved):
+    edited(saved, "provenance", libraries={"numpy": [1]})
+    with pytest.raises(TableError, match=r"saved cannot be used \(TypeError: "):
+        write_report([saved])

@@ -29,6 +29,14 @@ def told(*parts, **columns):
 SYNC = {"phase_difference_rad": after(8, np.pi, 0.0), "sync": after(8, "antiphase", "in-phase")}
 
 
+def test_the_first_of_several_liftoffs_is_told():
+    flight = np.zeros(21)
+    flight[5:9], flight[14:18] = 0.2, 0.3
+    head, row, *_ = told(flight_fraction=flight, **SYNC)[1]
+    assert "lifts off" in head
+    assert row[head.index("lifts off") :].startswith("44.25 ")
+
+
 def test_a_jump_is_told_in_the_middle_of_its_points_and_how_far_it_is_known():
     headline, (head, row, known, legend) = told(**SYNC)
     assert headline == "21 points, f_e 42 … 52 Hz in steps of 0.5, up; all repeat every turn"
@@ -79,6 +87,13 @@ def test_a_change_across_a_short_band_is_told_by_its_ends():
     names = np.select([np.arange(21) < 8, np.arange(21) < 11], ["antiphase", "intermediate"], "in-phase")
     _, lines = told(phase_difference_rad=phase, sync=names)
     assert lines[1].startswith("mass ratio 0.2  45.5 … 47.5  ")
+
+
+def test_intermediate_phases_on_both_sides_are_two_intervals():
+    phase = np.where(np.arange(21) < 8, -1.5, 1.6)
+    assert "always intermediate: phase difference −85.9° and 91.7°" in [
+        line.replace(" °", "°") for line in told(phase_difference_rad=phase, sync="intermediate")[1]
+    ]
 
 
 def test_failed_points_chaos_and_coexisting_attractors_are_counted():

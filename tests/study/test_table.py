@@ -12,7 +12,7 @@ from common.places import FLYING, LOADED
 from common.results import bits
 
 from vibroplat import Scene, load, load_config, simulate, sweep
-from vibroplat.config.plausibility import notes_on_inputs
+from vibroplat.config.plausibility import WARNING, notes_on_inputs
 from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
 from vibroplat.observe import summary
@@ -81,6 +81,10 @@ def test_branch_goes_on_from_point_to_point():
 # -- points that fail -----------------------------------------------------------------------------------
 
 
+#: The engine that counts calls of the residual, too.
+NATIVE = {"solver.engine": "native"}
+
+
 @pytest.fixture(scope="module")
 def storming():
     """Changes with which the loaded machine begins attached; below 47 Hz it stays so, above one event ends it."""
@@ -89,7 +93,7 @@ def storming():
 
 
 def test_failed_points_are_rows_and_the_branch_goes_on(storming):
-    table = swept(LOADED, 44.0, 52.0, step=2.0, direction=["up", "down"], changes=storming)
+    table = swept(LOADED, 44.0, 52.0, step=2.0, direction=["up", "down"], changes=storming | NATIVE)
     good = table["supply_frequency_hz"] < 47.0
     assert table["outcome"].tolist() == ["ok" if g else "too-many-events" for g in good]
     assert not table[list(OF_THE_OUTCOME)].isna().any(axis=None)
@@ -346,8 +350,8 @@ def test_notes_on_the_input_are_those_of_all_branches_each_once():
     scene = planned(LOADED, 300.0, 500.0, step=100.0, direction=["up", "down"], grid=grid)
     notes = notes_on_inputs(SweepStudy(scene).scenes())
     assert len(set(notes)) == len(notes)
-    assert "material.mass_ratio = 20; usual: up to 5" in notes
-    assert "drive.supply_frequency_hz = 500; usual: up to 400 Hz" in notes
+    assert f"{WARNING}material.mass_ratio = 20; usual: up to 5" in notes
+    assert f"{WARNING}drive.supply_frequency_hz = 500; usual: up to 400 Hz" in notes
     assert not [note for note in notes if "not given" in note]
 
 
@@ -362,14 +366,16 @@ def test_a_sweep_prints_its_notes_and_keeps_those_of_points(command, kernels, he
     done = command("sweep", "own.yaml", "--format", "csv")
     assert (done.code, done.err) == (0, "")
     notes = load(here / "results/own").answer.notes
-    assert notes[0].startswith("2 points at a supply of 50 … 50.5 Hz, the first: each exciter ")
-    assert notes[1:3] == [
-        "machine: platform_mass_kg and 11 more keys not given; taken from the paper's test rig",
-        "motor: pole_pairs and friction_radius_m not given; taken from the paper's test rig",
+    assert notes[0].startswith("computed by engine taylor")
+    assert notes[1].startswith(f"{WARNING}2 points at a supply of 50 … 50.5 Hz, the first: each exciter ")
+    assert notes[2].startswith(f"{WARNING}1 point at a supply of 50 Hz: may be a transient: excitation_frequency_hz ch")
+    assert notes[3:5] == [
+        f"{WARNING}machine: platform_mass_kg and 11 more keys not given; taken from the paper's test rig",
+        f"{WARNING}motor: pole_pairs and friction_radius_m not given; taken from the paper's test rig",
     ]
-    assert len(notes) == 4
-    assert "rotor_inertia_kg_m2" in notes[3]
-    assert f"  note: {notes[1]}" in done.out.splitlines()
+    assert len(notes) == 6
+    assert "rotor_inertia_kg_m2" in notes[5]
+    assert f"  {notes[3]}" in done.out.splitlines()
     table = read_table(here / "results/own/sweep", "sweep")
     assert table["notes"].notna().tolist() == [False, False, True, True]
 

@@ -3,6 +3,7 @@
 import math
 import random
 import re
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pandas as pd
@@ -23,12 +24,13 @@ from vibroplat.thresholds.evidence import (
     VALUES_PER_ROUND,
     ScaledKey,
     Threshold,
+    facts,
     is_wanted,
     zones,
 )
 from vibroplat.thresholds.search import start_key
 from vibroplat.thresholds.study import ThresholdStudy
-from vibroplat.thresholds.values import ScanPoint, evaluate, has_errors, measures_meet
+from vibroplat.thresholds.values import ScanPoint, evaluate, has_errors, measures_meet, relative_difference
 
 KEY = "motor.critical_torque_n_m"
 ASKED = {"key": KEY, "start": 0.0, "stop": 100.0, "scan": 5, "tolerance": 0.5, "expression": "rms_y_m > 0.5"}
@@ -86,6 +88,18 @@ def test_measures_that_meet_within_their_errors_are_no_clear_threshold():
     assert not has_errors(value(-1.0, 0.4999), value(1.0, 0.5001), PLAN)
 
 
+def test_a_phase_difference_that_passes_pi_neither_jumps_nor_crosses_another_level():
+    phases = {10.0: 3.11, 20.0: 3.14159, 30.0: -3.14159, 40.0: -3.11}
+    one, *others = (ScanPoint(at, "scan", {"phase_difference_rad": phase}, [0.0]) for at, phase in phases.items())
+    asked = {how: FindPlan(**ASKED | {"expression": f"phase_difference_rad {how}"}) for how in ("> 3.12", "< -3.0")}
+    assert [value.outcome(asked["> 3.12"]) for value in (one, *others)] == [False, True, True, True]
+    assert [value.outcome(asked["< -3.0"]) for value in (one, *others)] == [True] * 4
+    assert relative_difference(*others[:2], asked["> 3.12"]) == pytest.approx(2.0 * (math.pi - 3.14159))
+    assert measures_meet([(one, others[2]), tuple(others[:2])], asked["> 3.12"])
+    with pytest.raises(ValueError, match="300 is more than a turn, but phase_difference_rad is in rad"):
+        FindPlan(**ASKED | {"expression": "phase_difference_rad > 300"})
+
+
 def test_a_value_that_changes_with_twice_the_time_is_mixed():
     found = values(0, 0, 1, 1)
     (zone,) = zones([*found, value(20.0, 0, "extended")], [between(*found[1:3])], PLAN)
@@ -112,6 +126,63 @@ def test_orbits_of_a_branch_are_no_evidence():
     found = values(0, 0, 1, 1)
     (zone,) = zones([*found, value(35.0, 0, "orbit")], [between(*found[1:3])], PLAN)
     assert not zone.mixed
+
+
+@pytest.mark.parametrize("table", range(16))
+def test_what_is_said_of_a_side_holds_for_all_rows_of_the_table(table):
+    """Random tables, in which outcomes alternate, differ between seeds at one value, and are missing."""
+    draw = random.Random(table)
+    share = [draw.choice((0.0, 0.0, 0.03, 0.5, 1.0, 1.0)) for _ in range(11)]
+    rows = [
+        value(10.0 * at, None if draw.random() < 0.02 else draw.random() < share[at])._replace(seed=seed)
+        for at in range(11)
+        for seed in range(draw.choice((1, 2, STARTS)))
+    ]
+    scan = [next(row for row in rows if row.value == 10.0 * at) for at in range(11)]
+    good = [row for row in scan if not row.failed]
+    changes = [between(*pair) for pair in pairwise(good) if pair[0].outcome(PLAN) != pair[1].outcome(PLAN)]
+    study = ThresholdStudy(Scene().replace({"find": ASKED}))
+    spans = [(-math.inf, -math.inf)]
+    for zone in zones(rows, draw.sample(changes, (len(changes) + 1) // 2), PLAN):
+        told = facts(zone)
+        for side, upward in (("below", False), ("above", True)):
+            if (at := told[f"clear_{side}"]) is None:
+                continue
+            there = [row for row in rows if row.value == at and not row.failed]
+            (outcome,) = {row.outcome(PLAN) for row in there}
+            assert told[f"starts_{side}"] == len(there)
+            until = told["tried_up_to" if upward else "tried_down_to"]
+            beyond = [row for row in rows if min(at, until) <= row.value <= max(at, until) and not row.failed]
+            assert told[f"tried_{side}"] == len(beyond)
+            assert {row.outcome(PLAN) for row in beyond} == {outcome}
+            line = study._clear(zone, upward)
+            assert f" in all {len(there) if zone.side(upward).sure else len(beyond)} starts " in line
+            assert ("not " in line) != outcome
+        begin, end = zone.edges
+        inside = [row.value for row in zone.mixed]
+        assert inside == sorted(row.value for row in rows if zone.mixed and begin <= row.value <= end)
+        assert spans[-1][1] <= begin <= end, "intervals do not overlap"
+        assert not zone.mixed or spans[-1][1] < begin
+        spans.append((begin, end))
+
+
+def test_neighbouring_mixed_intervals_have_their_own_clear_sides():
+    """No end of the next interval, where other seeds had the other outcome, and no starts made far away at it."""
+    many = [value(at, at == 40.0)._replace(seed=100 + k) for at in (40.0, 60.0) for k in range(STARTS)]
+    seeds = [(20.0, 1, 1), (20.0, 0, 2), (60.0, 1, 3), (60.0, 0, 4)]
+    other = [value(at, measure)._replace(seed=seed) for at, measure, seed in seeds]
+    found = values(0, 0, 0, 1, 1, 1, 0, 0, 0)
+    first, second = zones([*found, *many, *other], [between(*found[2:4]), between(*found[5:7])], PLAN)
+    assert (first.ends, second.ends) == ((20.0, 20.0), (60.0, 60.0))
+    assert (first.above.nearest.value, first.above.limit, first.above.last) == (40.0, 60.0, 50.0)
+    assert second.above.nearest.value == 70.0
+    told = find_lines([first, second])
+    assert [line.replace(KEY, "").split()[0] for line in told] == ["up", "mixed", "from"] * 2
+
+
+def find_lines(found):
+    study = ThresholdStudy(Scene().replace({"find": ASKED}))
+    return [line for zone in found for line in study._lines_of(zone)]
 
 
 def test_further_values_lie_beyond_a_mixed_interval_ever_farther():
@@ -337,6 +408,38 @@ def test_rounds_that_end_early_are_told_of_sharp_and_of_mixed_changes(measures):
     ]
     told = "interval from 10.0 to 20.0 N·m: its ends still moved in the last round of starts"
     assert note == f"outcomes may be mixed beyond the {told}"
+
+
+@pytest.mark.parametrize("luck", ["", "seed", "time", "late"])
+def test_attractors_are_told_apart_only_where_seed_and_time_do_not_change_the_class(known, monkeypatch, luck):
+    """Beside chaos; otherwise measures are named that can be asked for, at the cost of a sweep."""
+
+    def beside_chaos(scene, plan, state, times, key):
+        point, at = known(scene, plan, state, times, key), scene.motor.critical_torque_n_m
+        orbit = at < 45.0
+        chance = (luck == "seed" and key[0] % 2 == 1) or (luck == "time" and times == 2)
+        orbit = orbit != (chance and 20.0 < at < 70.0)
+        point.row.update(sync="in-phase" if at > 85.0 else "antiphase", rms_y_m=1e-3 + 1e-5 * at, settle_s=1.0)
+        point.row.update(motion="periodic" if orbit else "chaotic", period=int(orbit))
+        point.row["multiplier_max"] = 0.5 if orbit else None
+        point.row["settle_s"] = 60.0 if luck == "late" and orbit else 1.0
+        return point
+
+    monkeypatch.setattr(search, "evaluate", beside_chaos)
+    monkeypatch.setattr(search.ThresholdSearch, "_continuous", lambda *_: False)
+    plan = {name: ASKED[name] for name in ("key", "start", "tolerance")} | {"stop": 90.0, "scan": 10}
+    found = find(Scene().replace({"find": plan}))
+    told = [found.answer.headline, *found.answer.short]
+    if not luck:
+        assert "not-narrowed" not in set(found.thresholds["kind"])
+        assert not any("told apart" in line for line in told)
+        return
+    assert told[0].startswith("attractors cannot be told apart over")
+    assert "40 … 50" in told[0]
+    assert "find.compare: regime" in told[-2]
+    assert '"rms_y_m > 0.00145" (1.40 … 1.50 mm there)' in told[-1]
+    assert set(found.thresholds["kind"]) == {"not-narrowed"}
+    assert len(found.scan) <= 10 + 12 + 4, "nothing is narrowed"
 
 
 def test_measures_that_meet_do_not_make_a_change_of_synchronization_sharp(known, monkeypatch):

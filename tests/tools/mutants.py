@@ -117,6 +117,10 @@ BY_ROOM = [
         "for k in orbits - unseen if → for k in orbits if",
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
+    ("study continuation", [
+        "return _place(*starts[0], rows[key]) → return _place(*starts[-1], rows[key])",
+        "number(own[key].min(), 4) if len(own) → number(own[key].max(), 4) if len(own)",
+    ]),
     ("continuation", [
         "= self._root / self._scales → = np.eye(len(self._root)) / self._scales",
     ]),

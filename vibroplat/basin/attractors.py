@@ -15,6 +15,8 @@ import numpy as np
 
 from vibroplat.basin.mapper import AttractorMapper, same_orbit, window_length
 from vibroplat.basin.windows import classify_windows, components, is_alike, same_motion
+from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config.circular import degrees_text
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import OrbitError
@@ -33,7 +35,7 @@ CONTINUATION_PARTS, MAX_PART_RATIO, SMALL_PART = 4, 3.0, 0.05
 
 #: What names of attractors say further where they are alike otherwise, by column.
 _FURTHER_WORDS: Mapping[str, Callable[[float], str]] = {
-    "phase_difference_rad": "Δφ {:.2f}".format,
+    PHASE_COLUMN: lambda phase: f"Δφ {degrees_text(phase)}",
     "rms_y_m": lambda height: f"RMS y {1e3 * height:.3g} mm",
     "impacts_per_period": lambda impacts: f"{impacts:.3g} impact{'s' * (impacts != 1.0)} a period",
 }

@@ -57,7 +57,7 @@ def initial_states(scene: Scene, plan: BasinsPlan, numbers: Sequence[int]) -> Fl
         for state, row in zip(states, values.tolist(), strict=True):
             given = dict(zip(plan.initial_conditions, row, strict=True))
             angle, phi1, ratio = (given.get(INITIAL_PREFIX + name, own) for name, own in named.items())
-            state[3:5] = exciter_angles(angle, phi1, ratio, scene.phase_weights[1])
+            state[3:5] = exciter_angles(angle, phi1, ratio, scene.phase_weights[1], scene.hanging_angle)
             state[10:12] = ratio * speeds
     states = perturb_states(states, scene, scene.start_perturbation, [(plan.seed, number) for number in numbers])
     for column, key in enumerate(plan.initial_conditions):

@@ -19,7 +19,9 @@ import numpy.typing as npt
 from vibroplat.basin.initial_conditions import initial_states
 from vibroplat.basin.windows import MEASURES, same_motion
 from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
@@ -84,7 +86,7 @@ def same_orbit(one: Record, other: Record, scales: FloatArray) -> bool:
     if one["row"]["period"] != other["row"]["period"]:
         return False
     away = np.array(other["centres"]) - one["state"]
-    away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
+    away[:, 3:5] = wrap(away[:, 3:5])
     return bool(np.abs(away / scales).max(axis=1).min(initial=np.inf) < SAME_ORBIT_DISTANCE)
 
 
@@ -329,9 +331,15 @@ def map_initial_conditions(
 
     ``history`` are turns that others have taken.
     """
-    with closing(AttractorMapper(scene, plan.max_turns, known, history)) as mapper:
-        starts = mapper.map_states(initial_states(scene, plan, range(first, first + count)))
-        return {"starts": starts, "known": len(known), "found": mapper.attractors[len(known) :]}
+
+    def follow_starts(tried: Scene) -> Record:
+        with closing(AttractorMapper(tried, plan.max_turns, known, history)) as mapper:
+            starts = mapper.map_states(initial_states(tried, plan, range(first, first + count)))
+            return {"starts": starts, "known": len(known), "found": mapper.attractors[len(known) :]}
+
+    return with_second_engine(
+        scene, follow_starts, lambda record: any(start.get("outcome") in FAILED for start in record["starts"])
+    )
 
 
 def map_alone(scene: Scene, plan: BasinsPlan, number: int) -> Record:

@@ -25,6 +25,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.errors import errors_about
+from vibroplat.kernels.target import lanes
 from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of, study_table
@@ -130,6 +131,11 @@ class BasinsStudy(Study):
         plain = self.scene.model_copy(update={"basins": None, "sweep": None, "orbits": None})
         with errors_about("basins.over"):
             return plain if self.key is None else plain.replace({self.key: value})
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """What stored blocks depend on: also on how many motions go side by side."""
+        return super().conditions | {"lanes": str(lanes())}
 
     def chains(self, store: Store) -> int:
         """Return how many blocks of starts there are."""

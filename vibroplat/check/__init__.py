@@ -20,9 +20,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from vibroplat.config.engine_choice import chosen_engine, other_engine
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
-from vibroplat.integrate import other_engine
 
 #: How many times the largest change under repetitions is allowed between engines. In runs of fourteen kinds (with and
 #: without flights, impacts, a stall, a coast-down; tolerances 1e-8 … 1e-4), ``native`` and ``sundae`` differed by at
@@ -35,9 +35,9 @@ MIN_ALLOWED: Final = 20.0
 Other = Callable[[Scene], Scene]
 
 
-def with_other_engine(scene: Scene) -> Scene:
-    """Return a scene with the engine that checks its own."""
-    return scene.replace({"solver.engine": other_engine(scene.solver.engine)})
+def with_other_engine(scene: Scene, *, run: bool = True) -> Scene:
+    """Return a scene with the engine that checks that of its ``run``, or else of its studies."""
+    return scene.replace({"solver.engine": other_engine(chosen_engine(scene, run=run))})
 
 
 def with_other_tolerance(scene: Scene) -> Scene:

@@ -7,6 +7,7 @@ others by their class alone: of those two engines have no more in common.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import pandas as pd
@@ -58,6 +59,9 @@ class CrossCheck(NamedTuple):
         return self._asdict()
 
 
+_OTHER: Other = partial(with_other_engine, run=False)
+
+
 def cross_check(
     study: Study,
     result: Result,
@@ -65,7 +69,7 @@ def cross_check(
     workers: Pool,
     progress: Progress = lambda done, known: None,
     *,
-    other: Other = with_other_engine,
+    other: Other = _OTHER,
 ) -> CrossCheck:
     """Repeat motions of a study with another engine.
 
@@ -87,6 +91,7 @@ def cross_check(
     largest, disagreements = 0.0, list[str]()
     for case, record in zip(wanted, records, strict=True):
         known = {name: None if pd.isna(value) else value for name, value in case.row.items()}
+        # A motion and its mirror image have opposite phase differences; same_phase and sync say what they need to.
         names = [name for name in known if name != PHASE_COLUMN]
         if not known.get("period", 1):
             names = ["period"] if same_phase(known, record["row"]) else ["period", "sync"]

@@ -50,7 +50,7 @@ def bench(
     both, cases, fine = ["taylor", "native"], measure.cases(), [10.0**-n for n in range(4, 11)]
     plans: dict[str, tuple[dict[str, Scene], list[str], list[float]]] = {
         "summary": (cases, both, fine[::2]),
-        "precision": (cases, ["auto"], fine),
+        "precision": (cases, ["native"], fine),
         "engines": (measure.kinds(1e-6, 2.0), [*both, "sundae"], fine),
     }
     for name in (Benchmark if long else names) or ("summary",):

@@ -42,7 +42,8 @@ EngineName = Annotated[
     typer.Option(
         "--engine",
         metavar="NAME",
-        help="Integrator: auto, native, sundae, or taylor, the fastest for nearly all scenes. Same as --set "
+        help="Integrator: auto, native, sundae, taylor. auto: native (SUNDIALS IDA) for runs; taylor (Taylor series) "
+        "for studies and orbits, unless the scene is stiff; the other one where it fails. Same as --set "
         "solver.engine=NAME.",
     ),
 ]
@@ -83,19 +84,19 @@ def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Sc
     return load_config(config, parse_overrides(settings or [], engine))
 
 
-def announce_first_run(engine: str | None = None) -> bool:
+def announce_first_run(engine: str = "native") -> bool:
     """Announce a compilation on standard error; return whether kernels have to be compiled."""
     import vibroplat.kernels.compiled  # noqa: F401  (refuses where compilation is switched off)
     from vibroplat import integrate
 
-    return integrate.announce_compilation(engine or "auto")
+    return integrate.announce_compilation(engine)
 
 
 def load_kernels(*engines: str) -> None:
     """Compile or load the kernels of these engines once, before workers start."""
     from vibroplat.motion import run
 
-    for engine in engines or ("auto",):
+    for engine in engines or ("native",):
         with compilation_progress() if announce_first_run(engine) else nullcontext():
             run.load_kernels(engine)
     gc.freeze()  # loaded modules stay: the garbage collector need not visit them
@@ -108,7 +109,7 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     from vibroplat.study import load_study
     from vibroplat.system.workers import loading_workers
 
-    return loading_workers(jobs, load_study, study, engine or "auto")
+    return loading_workers(jobs, load_study, study, "taylor" if engine in (None, "auto") else engine)
 
 
 def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:

@@ -125,7 +125,8 @@ def export(
 
 def _move(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
     """Compute the orbit of a row; the modules that compute are imported at the first call."""
+    from vibroplat.config.engine_choice import chosen_engine
     from vibroplat.continuation.rows import orbit_motion
 
-    announce_first_run(scene.solver.engine)
+    announce_first_run(chosen_engine(scene))
     return orbit_motion(scene, row)

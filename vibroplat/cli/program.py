@@ -17,6 +17,7 @@ from vibroplat.cli import bench, figures, reference, run, studies
 from vibroplat.errors import VibroplatError
 from vibroplat.system.interrupts import offer_resume, records_kept
 from vibroplat.system.memory import is_short_of_memory, require_memory
+from vibroplat.system.terminal import escape_streams
 
 #: Options that print help.
 HELP = ["-h", "--help"]
@@ -70,6 +71,7 @@ def main() -> None:
     gc.set_threshold(200_000)
     os.environ["MPLBACKEND"] = "Agg"  # figures are written to files, whatever the user draws with otherwise
     offer_resume(False)
+    escape_streams()
     try:
         code = app(prog_name="vibroplat", standalone_mode=False)
         sys.stdout.flush()

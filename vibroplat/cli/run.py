@@ -35,6 +35,7 @@ def run(
     Writes trajectory, events, summary and provenance to OUT/NAME/run and prints the answer. Exit code 1 means that the
     run failed, or with --check that two engines disagree.
     """
+    from vibroplat.config.engine_choice import chosen_engine
     from vibroplat.motion.initial_condition import initial_condition
     from vibroplat.results.files import directory_of
     from vibroplat.results.tables import TableFile
@@ -52,11 +53,12 @@ def run(
     known = common.finished(directory, "run", scene, format_, start.origin) if verbose and not check else None
     if known is not None:
         return _print(known, known.documents["summary"], directory, verbose=True, reused="computed before")
-    common.announce_first_run(scene.solver.engine)
+    engine = chosen_engine(scene, run=True)
+    common.announce_first_run(engine)
     from vibroplat.observe.tables import require_room
 
     require_room(scene, directory, format_)
-    common.load_kernels(scene.solver.engine)
+    common.load_kernels(engine)
     from vibroplat.motion.seeds import peaks_of_seeds
     from vibroplat.results.files import write_result
     from vibroplat.results.provenance import provenance

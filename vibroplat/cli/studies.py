@@ -49,8 +49,10 @@ def study_command(kind: Kind) -> Callable[..., None]:
         verbose: common.Verbose = False,
     ) -> None:
         with common.workers_of(kind.study, engine, jobs, scheduler):
+            from vibroplat.config.engine_choice import chosen_engine
+
             scene = common.scene_of(config, set_, engine)
-            common.announce_first_run(scene.solver.engine)
+            common.announce_first_run(chosen_engine(scene))
             with errors_about(config):
                 study = kind.load()(scene)
             mode = common.store_options(resume, overwrite)
@@ -105,20 +107,22 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
     """Run a study and write its result; return it, more lines, the cross-check, and what was computed before."""
     from vibroplat.check.studies import cross_check
     from vibroplat.config.digits import quantity
-    from vibroplat.config.plausibility import by_severity, notes_on_inputs, notes_on_plan
-    from vibroplat.integrate import other_engine
+    from vibroplat.config.engine_choice import chosen_engine, other_engine
+    from vibroplat.config.plausibility import notes_on_inputs, notes_on_plan
+    from vibroplat.results.answer import noted
     from vibroplat.study.fingerprint import arithmetic
     from vibroplat.study.pool import pool
     from vibroplat.study.store import Store
-    from vibroplat.study.study import MAX_CROSS_CHECKS
+    from vibroplat.study.study import MAX_CROSS_CHECKS, note_computation
 
     scene = study.scene
     notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
     for note in notes if sys.stderr.isatty() else ():  # to a person who waits
-        print(f"vibroplat: note: {note}", file=sys.stderr)
+        print(f"vibroplat: {noted(note)}", file=sys.stderr)
     with Store(directory, study.conditions, **how.options) as store:
-        common.load_kernels(scene.solver.engine, *([other_engine(scene.solver.engine)] if how.check else []))
-        store.require("arithmetic", arithmetic(scene.solver.engine))
+        engine = chosen_engine(scene)
+        common.load_kernels(engine, *([other_engine(engine)] if how.check else []))
+        store.require("arithmetic", arithmetic(engine))
         began = time.perf_counter()
         chains = max(study.chains(store), MAX_CROSS_CHECKS if how.check else 1)
         with pool(how.jobs, how.scheduler, chains=chains) as workers:
@@ -131,7 +135,7 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
                     checked = cross_check(study, result, store, workers, progress or (lambda done, known: None))
         store.finish()
         result.check = None if checked is None else checked.to_tree()
-        result.answer = result.answer._replace(notes=by_severity([*result.answer.notes, *notes]))
+        note_computation(result, notes)
         result.save(directory, how.form)
     return result, {"wall time": quantity(seconds, "s")}, checked, f"{known} tasks from before" * bool(known)
 
@@ -157,7 +161,7 @@ def paper(
     Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation. Exit code 1 means
     that with --check two engines disagree.
     """
-    common.announce_first_run(engine)
+    common.announce_first_run("taylor" if engine in (None, "auto") else engine)
     from vibroplat.config.reader import parse_overrides
     from vibroplat.paper.scenes import machine_numbers
 

@@ -24,9 +24,10 @@ class Solver(Section):
     )
     engine: Literal["auto", *ENGINES] = Field(  # type: ignore[valid-type]
         "auto",
-        description="native: SUNDIALS IDA called from compiled code; sundae: SUNDIALS IDA through scikit-sundae's "
-        "Python callbacks; auto: native, or sundae if the library has an unexpected version; taylor: Taylor "
-        "series of high order, several times faster unless a layer or a motor is stiff",
+        description="auto: native for runs; taylor for studies of many motions, orbits and derivatives, unless "
+        "the scene is stiff; the other one where it fails. native: SUNDIALS IDA called from compiled code, or sundae "
+        "if the library has an unexpected version; sundae: SUNDIALS IDA through scikit-sundae's Python callbacks; "
+        "taylor: Taylor series of high order, several times faster unless something decays fast",
     )
     max_events_per_period: Annotated[int, Field(ge=1, le=10_000_000)] = Field(
         5_000, description="maximum number of events within one turn at the synchronous speed; a run with more ends"

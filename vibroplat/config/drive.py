@@ -24,6 +24,9 @@ MIN_FREQUENCY_RATIO = 1e-3
 #: Minimum supply frequency of a program above 0 (Hz).
 MIN_FREQUENCY = 1e-3
 
+#: Minimum time between two entries that are not at the same one (s): no motor can tell a shorter ramp from a jump.
+MIN_INTERVAL = 1e-6
+
 #: Most entries of a program.
 MAX_ENTRIES = 1000
 
@@ -135,6 +138,11 @@ class Drive(Section):
         for i, (before, after) in enumerate(pairwise(times), start=1):
             if after < before:
                 raise ValueError(f"program.{i}.t_s = {after} lies before {before}; allowed: times in ascending order")
+            if 0.0 < after - before < MIN_INTERVAL - math.ulp(after):
+                raise ValueError(
+                    f"program.{i}.t_s = {after} is {after - before:.2g} s after {before}; allowed: the same time, "
+                    f"for a jump, or at least {MIN_INTERVAL:g} s later"
+                )
             if i > 1 and times[i - 2] == after:
                 raise ValueError(f"program.{i}.t_s = {after} is given three times; allowed: twice, for a jump")
         if not self.largest_frequency > 0.0:
@@ -171,6 +179,14 @@ class Drive(Section):
                 rise = frequencies[i + 1] - frequencies[i] if end < math.inf else 0.0
                 parts += _split_interval(start, end, frequencies[i], rise / (end - start), (first[i], second[i]), least)
         return tuple(parts)
+
+    def until(self, time: float) -> Drive:
+        """Return the supply by a program that stays as it is just before a time (s); itself, if that is 0 Hz always."""
+        before = [entry for entry in self.program or () if entry.t_s < time - MIN_INTERVAL]
+        frequency = [supply for supply in self.intervals if supply.start < time][-1].frequency_at(time)
+        last = Entry(t_s=time, supply_frequency_hz=frequency if frequency >= MIN_FREQUENCY else 0.0)
+        entries = [*before, last]
+        return Drive(program=entries) if any(entry.supply_frequency_hz for entry in entries) else self
 
     def last_change(self, time: float) -> float:
         """When the supply last changes before a time (s); the end of the ramp if it is changing then. -inf: never."""

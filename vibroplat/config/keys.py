@@ -104,7 +104,7 @@ def number_of(name: str) -> type[int] | type[float] | None:
 
 def configuration_schema() -> dict[str, Any]:
     """JSON schema of a configuration file."""
-    schema = Scene.model_json_schema()
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Scene.model_json_schema()
     schema["title"] = "vibroplat configuration"
     schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
     return schema

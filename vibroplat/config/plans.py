@@ -175,7 +175,10 @@ class SweepPlan(Section, title="Sweep"):
         1e-3, description="distance from the steady motion at which settling ends (scaled units)"
     )
     measure_s: Positive = described(
-        2.0, "", "measuring interval of each point; aperiodic motion is measured 24 times as long"
+        2.0,
+        "",
+        "measuring interval of each point; aperiodic motion is measured 24 times as long, and 72 times once more if it "
+        "changes meanwhile",
     )
     perturbation: Fraction = described(
         PERTURBATION, "", "random change of the rates of platform and exciters at each point (scaled units)"

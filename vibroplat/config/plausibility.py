@@ -29,14 +29,17 @@ UNIVERSAL_KEYS = frozenset({"gravity_m_per_s2", "mounted_on"})
 MAX_PLAIN = 1e6
 #: Damping ratio of springs below which free vibrations are long, and what a run may have left of them (ratio).
 MIN_DAMPING_RATIO, MAX_REMAINDER = 0.005, 0.01
-#: Minimum number of samples of a turn in a trajectory.
-MIN_SAMPLES_PER_TURN = 20.0
+#: Minimum number of samples of a turn in a trajectory, and the number that a spectrum needs more of.
+MIN_SAMPLES_PER_TURN, MIN_SAMPLES_OF_SPECTRUM = 20.0, 2.0
 #: Largest usual phase difference (rad), a turn, and distance of an exciter from the centre of mass (m).
 LARGE_PHASE, LARGE_DISTANCE = 6.3, 10.0
 #: The key of a rotor's moment of inertia.
 INERTIA = "rotor_inertia_kg_m2"
 #: Maximum number of missing keys that are all named.
 MAX_NAMED = 3
+#: How notes begin by which the answer is wrong for who asks: another machine than theirs, a motion that has not settled
+#: or is captured, or one outside the model. They come first, and no print leaves them out.
+WARNING = "warning: "
 #: How notes begin that put no number in doubt: they come last.
 HINT = "hint: "
 #: Axes of the platform with the ends of the names of its springs and dampers.
@@ -70,19 +73,30 @@ class UsualRange(NamedTuple):
     text: str = ""
 
 
-def notes_on_input(scene: Scene, *, of_run: bool = True) -> list[str]:
-    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default."""
+def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = None) -> list[str]:
+    """Say what is unusual in a scene or ``of_run``, and which numbers of machine and motors it takes by default.
+
+    Of a run that continues another one, it must be known when it ``ends`` (s).
+    """
     notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene) if of_run else ""]
     notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene)]
-    notes += [_coarse(scene) if of_run else ""]
+    if ends is None:
+        ends = math.inf if scene.run.initial.from_ is not None else scene.run.duration_s
+    notes += [_unreached(scene, ends), _coarse(scene)] if of_run else []
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
     notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
     return [note for note in notes if note]
 
 
+def split_severity(note: str) -> tuple[str, str]:
+    """Return how a note begins, ``WARNING``, ``HINT`` or "", and the rest of it."""
+    begin = next((begin for begin in (WARNING, HINT) if note.startswith(begin)), "")
+    return begin, note.removeprefix(begin)
+
+
 def by_severity(notes: Iterable[str]) -> list[str]:
-    """Return notes in their order, those last that put no number in doubt."""
-    return sorted(notes, key=lambda note: note.startswith(HINT))
+    """Return notes in their order, warnings first, those last that put no number in doubt."""
+    return sorted(notes, key=lambda note: (WARNING, "", HINT).index(split_severity(note)[0]))
 
 
 def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
@@ -92,29 +106,57 @@ def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list
         for note in notes_on_input(scene, of_run=False):
             notes.setdefault(note, []).append(prefix)
     everywhere = max(len(places), 1)
-    return [
-        note if len(at) == everywhere or not at[0] or at[0] in note else f"at {', '.join(at)}: {note}"
-        for note, at in notes.items()
-    ]
+    placed = list[str]()
+    for note, at in notes.items():
+        begin, text = split_severity(note)
+        holds = len(at) == everywhere or not at[0] or at[0] in note
+        placed.append(note if holds else f"{begin}at {', '.join(at)}: {text}")
+    return placed
 
 
 def notes_on_plan(scene: Scene, kind: str) -> list[str]:
-    """Say that rotors stay as they are where a study varies the size of their motors.
+    """Say which keys have no effect on a study, and that rotors stay as they are where it varies their motors.
 
     Inertias of catalogue motors of one torque differ by more than a factor of 2, with frame, poles and efficiency
     class, so none is derived from the torque.
     """
     plan = getattr(scene, kind, None)
+    notes = _without_effect(scene, kind)
     varied = str({} if plan is None else plan.model_dump(exclude={"parameter_tolerances"}, exclude_none=True))
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
-        return []
+        return notes
     each = " and ".join(dict.fromkeys(given(getattr(exciter, INERTIA)) for exciter in scene.exciter_pair))
     where = "exciters.N" if scene.exciters is not None else "machine"
     return [
+        *notes,
         f"{', '.join(sizes)} varies, but {where}.{INERTIA} stays {each} kg·m²: rotors do not grow with their motors; "
-        "repeat with --set for the motor that is found"
+        "repeat with --set for the motor that is found",
     ]
+
+
+def _without_effect(scene: Scene, kind: str) -> list[str]:
+    """Return the notes on keys that are given and have no effect on a study: another one's seed, material without any.
+
+    Sections of other studies are not told.
+    """
+    plan, run = getattr(scene, kind, None), scene.run
+    if plan is None:
+        return []
+    notes = []
+    for key in ("seed", "perturbation"):
+        if key in run.model_fields_set and key in type(plan).model_fields:
+            notes.append(
+                f"{WARNING}run.{key} = {given(getattr(run, key) or 0)} has no effect on {kind}: {kind}.{key} = "
+                f"{given(getattr(plan, key))} counts"
+            )
+    if "seed" in plan.model_fields_set and getattr(plan, "perturbation", 1.0) == 0.0:
+        notes.append(f"{WARNING}{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
+    varied = str(plan.model_dump(exclude_none=True))
+    keys = dict.fromkeys(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
+    if keys and not scene.material.mass_ratio and "material.mass_ratio" not in keys:
+        notes.append(f"{WARNING}no effect of {', '.join(keys)}: there is no material, as material.mass_ratio is 0")
+    return notes
 
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:
@@ -233,8 +275,22 @@ def _weakly_damped(scene: Scene) -> str:
         size, limit = quantity(decay, "s"), quantity(shortest, "s", digits=2)
         contains = f"decay by e in {size}, so a run below {limit} contains"
     return (
-        f"{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be 1 % of "
-        "critical damping"
+        f"{WARNING}{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be "
+        "1 % of critical damping"
+    )
+
+
+def _unreached(scene: Scene, ends: float) -> str:
+    """Return the note on entries of a program that a run does not reach which ends at a time (s), or an empty text."""
+    entries = enumerate(scene.drive.program or ())
+    late = [f"drive.program.{n}.t_s = {given(entry.t_s)}" for n, entry in entries if entry.t_s > ends]
+    if not late:
+        return ""
+    names = ", ".join(late[:MAX_NAMED])
+    more = f" and {len(late) - MAX_NAMED} more" * (len(late) > MAX_NAMED)
+    return (
+        f"{WARNING}{names}{more}: the run ends before, at {given(ends)} s, and does not get there; times are in "
+        "seconds, and a longer run.duration_s helps"
     )
 
 
@@ -244,14 +300,17 @@ def _coarse(scene: Scene) -> str:
     each = TURN * rate / scene.speed_scale
     if each >= MIN_SAMPLES_PER_TURN:
         return ""
-    return f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes"
+    spectrum = " and give no spectrum" * (each <= MIN_SAMPLES_OF_SPECTRUM and scene.output.accelerations)
+    return (
+        f"{HINT}output.sample_rate_hz = {given(rate)}: {number(each, 2)} samples per turn miss the extremes{spectrum}"
+    )
 
 
 def _replaced(scene: Scene) -> str:
     """Return the note on keys of the machine that are given and have no effect, or an empty text."""
     keys = sorted(given_by_exciters(scene) & scene.machine.model_fields_set)
     values = ", ".join(f"machine.{key} = {given(getattr(scene.machine, key))}" for key in keys)
-    return f"no effect of {values}: each exciter has its own value, which counts" if keys else ""
+    return f"{WARNING}no effect of {values}: each exciter has its own value, which counts" if keys else ""
 
 
 def _damping_ratio(damping: float, stiffness: float, mass: float) -> float | None:
@@ -281,7 +340,7 @@ def _note_if_unusual(quantity: UsualRange, scene: Scene) -> str:
     named = ", ".join(f"{key} = {given(size)}" for key in keys if (size := value_at(tree, key)))
     what = text.format(_in_unit(value, unit))
     ends = f"{given(low)} to {given(high)}" if low else f"up to {given(high)}"
-    return f"{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
+    return f"{WARNING}{': '.join(part for part in (named, what) if part)}; usual: {ends} {unit}".rstrip()
 
 
 def _given_key(exciter: Exciter, key: str) -> str:
@@ -313,4 +372,6 @@ def _notes_on_defaults(sections: Iterable[tuple[str, BaseModel, Collection[str]]
         which = f"{', '.join(first)} and {last}" if first else last
         what = "no key given" if not section.model_fields_set else f"{which} not given"
         by_note.setdefault(what, []).append(name)
-    return [f"{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in by_note.items()]
+    return [
+        f"{WARNING}{' and '.join(names)}: {what}; taken from the paper's test rig" for what, names in by_note.items()
+    ]

@@ -17,7 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
-from vibroplat.config.schema import in_lists, sections, short
+from vibroplat.config.schema import MINUS, in_lists, sections, short
 from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
 from vibroplat.config.study_plans import PLANS
 from vibroplat.errors import ConfigError
@@ -36,7 +36,11 @@ _ABOUT_A_KEY = re.compile(r"unknown key (?:[\w.]+\.)?(?P<last>\w+)(?=;)|(?:[\w.]
 #: What a key looks like. Messages quote keys; a file that is no configuration, such as one with passwords, has others.
 KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
 #: A number that YAML reads as text.
-DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+DECIMAL_COMMA = re.compile(r"[-+−]?\d+,\d+")
+#: One whose comma may separate thousands.
+THOUSANDS = re.compile(r"[-+−]?[1-9]\d{0,2},\d{3}")
+#: A number as in YAML 1.2, of which the parser reads some as text.
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 #: The sections of studies, and those in them.
 _STUDIES = [section for name, plan in PLANS.items() for section in sections(plan, name)]
@@ -137,7 +141,9 @@ def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[
         if not equals or not all(key.strip().split(".")):
             raise ConfigError(f"--set {setting!r}; allowed: key.sub=value")
         if DECIMAL_COMMA.fullmatch(text.strip()):
-            raise ConfigError(f"--set {setting.strip()}: a decimal comma; allowed: a point, {text.replace(',', '.')}")
+            point, whole = text.strip().replace(",", "."), text.strip().replace(",", "")
+            thousands = f", or {whole} without a separator of thousands" if THOUSANDS.fullmatch(text.strip()) else ""
+            raise ConfigError(f"--set {setting.strip()}: a decimal comma; allowed: a point, {point}{thousands}")
         overrides[key.strip()] = _parse(text, f"--set {key.strip()}")
     if engine is not None:
         named, given = _parse(engine, "--engine"), flat(overrides)
@@ -185,6 +191,7 @@ def _parse_once(text: str, source: str) -> Any:
                 raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
             _require_number(node, source)
             _require_names(node, source)
+            _retag(node)
             return None if node is None else yaml.constructor.construct_document(node)
     except ConfigError:
         raise
@@ -227,6 +234,21 @@ def _require_names(node: Any, source: str) -> None:
             line = key.start_mark.line + 1
             raise ConfigError(f"{source}: the key in line {line} is no name; allowed: letters, digits and _ . -")
         _require_names(value, source)
+
+
+def _retag(node: Any) -> None:
+    """Read plain scalars as YAML 1.2 does: dates are text, .5e3 is a number, and so is one with the printed minus."""
+    if not isinstance(node, ScalarNode):
+        for entry in getattr(node, "value", ()):
+            for inside in entry if isinstance(entry, tuple) else (entry,):
+                _retag(inside)
+        return
+    tag, number = str(node.tag), node.value.replace(MINUS, "-") if node.style is None else ""
+    if tag.endswith(":timestamp"):
+        node.tag = tag.replace("timestamp", "str")
+    elif tag.endswith(":str") and NUMBER.fullmatch(number):
+        kind = "int" if number.lstrip("+-").isdigit() else "float"
+        node.tag, node.value = tag.replace(":str", f":{kind}"), number
 
 
 def _require_number(node: Any, source: str) -> None:
@@ -274,9 +296,10 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     """
     merged = dict(lower)
     if not section and isinstance(upper.get("motor"), Mapping) and merged.get("exciters") and not upper.get("exciters"):
-        key = next(iter(upper["motor"]), "critical_slip")
+        key = next((key for key in upper["motor"] if key in Exciter.model_fields), "critical_slip")
         raise ConfigError(
-            f"motor.{key} is given, but each exciter has a motor of its own; allowed: exciters.N.{key}, for both"
+            "motor is given, but each exciter has a motor of its own; allowed: its keys for both exciters, as "
+            f"exciters.N.{key}"
         )
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _move_to_exciters(merged)

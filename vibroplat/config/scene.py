@@ -8,7 +8,7 @@ scales) are properties; their docstrings give the symbols of the equations.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -21,10 +21,10 @@ from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.computation import Output, Solver
 from vibroplat.config.consistency import given_by_exciters, require_consistent
 from vibroplat.config.coordinates import TURN, Mode
-from vibroplat.config.drive import Drive
+from vibroplat.config.drive import Drive, SupplyInterval
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
-from vibroplat.config.schema import NAME, PERTURBATION, Section, described, explain
+from vibroplat.config.schema import NAME, PERTURBATION, PLAIN_NAME, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
     ROTATIONS,
@@ -68,7 +68,9 @@ class Scene(Section):
     """
 
     name: Annotated[str, Field(min_length=1, max_length=100, pattern=NAME)] = Field(
-        "scene", description="name of the results' directory; not given: that of the file"
+        "scene",
+        json_schema_extra={"pattern": PLAIN_NAME},
+        description="name of the results' directory; not given: that of the file",
     )
     machine: Machine = Field(Machine(), description="platform, springs and exciters")
     motor: Motor | None = described(None, "", "both motors")
@@ -135,6 +137,11 @@ class Scene(Section):
         """Gravity along the deck, towards +x, and normal to it (m/s²)."""
         g, angle = self.machine.gravity_m_per_s2, 0.0 if self.transport is None else self.transport.angle
         return (g * math.sin(angle), g * math.cos(angle)) if angle else (0.0, g)
+
+    @property
+    def hanging_angle(self) -> float:
+        """Angle of an unbalance that hangs straight down (rad), to the x axis, which declines with the deck."""
+        return -0.5 * math.pi + (0.0 if self.transport is None else self.transport.angle)
 
     @property
     def coordinates(self) -> tuple[int, ...]:
@@ -238,15 +245,21 @@ class Scene(Section):
 
     def driven(self, begin: float, end: float) -> tuple[bool, bool]:
         """Whether each motor drives its exciter at some time between two (s): it is on, has a torque and a supply."""
-        supplies = [
-            supply.driven
-            for supply in self.drive.intervals
-            if supply.end > begin
-            and (supply.start < end or supply.start <= begin)
-            and (supply.frequency or supply.ramp)
-        ]
+        return self._switched_on([supply for supply in self._supplies(begin, end) if supply.frequency or supply.ramp])
+
+    def braked(self, begin: float, end: float) -> bool:
+        """Whether motors only brake between two times (s): they are on, and their supply has 0 Hz."""
+        return any(self._switched_on(self._supplies(begin, end))) and not any(self.driven(begin, end))
+
+    def _supplies(self, begin: float, end: float) -> list[SupplyInterval]:
+        """Return the supplies between two times (s)."""
+        intervals = self.drive.intervals
+        return [one for one in intervals if one.end > begin and (one.start < end or one.start <= begin)]
+
+    def _switched_on(self, supplies: Sequence[SupplyInterval]) -> tuple[bool, bool]:
+        """Whether each motor has a torque and is on in one of the supplies."""
         first, second = (
-            exciter.critical_torque_n_m > 0.0 and any(driven[i] for driven in supplies)
+            exciter.critical_torque_n_m > 0.0 and any(supply.driven[i] for supply in supplies)
             for i, exciter in enumerate(self.exciter_pair)
         )
         return first, second

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
+import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_origin
@@ -45,7 +47,16 @@ _ALLOWED = {
     "string_too_long": "at most {max_length} characters",
 }
 #: Names of results, and of points of the platform, which become names of columns; what they may be.
+#: Editors get a pattern of names without classes of letters, which not every validator knows: it refuses ASCII alone.
 NAME, POINT_NAME = r"^[\p{L}\p{N}][\p{L}\p{M}\p{N}._+-]*$", r"^[A-Za-z][A-Za-z0-9_]{0,39}$"
+_PUNCTUATION = r"\x00-*,/:-@[-^`{-\xa0"
+PLAIN_NAME = rf"^[^{_PUNCTUATION}+._-][^{_PUNCTUATION}]*$"
+#: Letters that English lacks, as they are spelt there.
+_SPELT = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "o", "ł": "l"}
+)
+#: The sign of printed numbers, which differs from the hyphen.
+MINUS = "−"
 _NAMES = {
     NAME: "letters, digits and . _ + -, starting with a letter or digit",
     POINT_NAME: "at most 40 letters of English, digits and _, starting with a letter",
@@ -233,13 +244,41 @@ def _allowed(error: ErrorDetails) -> str:
     """Say what is allowed instead of a value, and what was probably meant."""
     given, limits = error["input"], error.get("ctx", {})
     if error["type"] == "string_pattern_mismatch":
-        like = re.sub(r"[^\w.+-]+", "-" if limits["pattern"] == NAME else "_", given).strip("-_.+")
+        like = _name_like(given, limits["pattern"])
         example = f"name: {like}" if limits["pattern"] == NAME else like
         return f"{_NAMES[limits['pattern']]}{like and f', as {example}'}"
+    meant = _number_meant(given) if error["type"] in ("float_type", "int_type") else ""
+    if meant and (error["type"] == "float_type" or float(meant).is_integer()):
+        return f"{_ALLOWED[error['type']]}, as {meant}"
+    if error["type"] == "string_type" and isinstance(given, int | float):
+        return f'text, as "{short(given)}" in quotation marks'
     template = _ALLOWED.get(error["type"])
     allowed = template.format(**limits) if template else error["msg"]
     is_fraction = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
     return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_fraction and 1.0 < given <= 100.0 else allowed
+
+
+def _name_like(given: str, pattern: str) -> str:
+    """Return a name like a refused one that is allowed; "" if it would have no letter."""
+    if pattern == NAME:
+        return re.sub(r"[^\w.+-]+", "-", given).strip("-_.+")
+    spelt = unicodedata.normalize("NFKD", given.translate(_SPELT))
+    plain = "".join(letter for letter in spelt if not unicodedata.combining(letter))
+    return re.sub(r"[^A-Za-z0-9]+", "_", plain).lstrip("_0123456789")[:40].rstrip("_")
+
+
+def _number_meant(given: Any) -> str:
+    """Return the number that a text may mean: with another minus, decimal comma or separators; "" if it is none."""
+    if not isinstance(given, str):
+        return ""
+    text = re.sub(r"[\s'’_]", "", given.replace(MINUS, "-"))
+    if text.count(",") == 1 and text.rfind(".") < text.find(","):
+        text = text.replace(".", "").replace(",", ".")
+    text = text.replace(",", "")
+    try:
+        return text if math.isfinite(float(text)) else ""
+    except ValueError:
+        return ""
 
 
 def did_you_mean(wrong: str, known: Collection[str], most: int = 1) -> str:

@@ -348,7 +348,7 @@ DERIVED_BEGIN = ("acceleration_", "foundation_")
 
 
 class State(Section):
-    """A full state. Omitted coordinates are at static rest; omitted rates are 0.
+    """A full state. Omitted coordinates are at static rest; omitted angles of exciters and omitted rates are 0.
 
     The last row of a trajectory can be given unchanged: columns that follow from the state, and time, are left out.
     """
@@ -399,8 +399,8 @@ class Initial(Section, populate_by_name=True):
     phi1_rad: Angle | None = described(
         None,
         "phi_1",
-        "initial angle of exciter 1; default: 0, or hanging straight down (both unbalances) if speed_ratio is 0 "
-        "and no angle is given",
+        "initial angle of exciter 1; default: 0, or -pi/2 plus the decline of the deck (both unbalances hang straight "
+        "down) if speed_ratio is 0 and no angle is given",
     )
     speed_ratio: Real = described(
         0.98, "", "initial speed of both exciters divided by the synchronous speed", "0: from rest; 0.98: running"
@@ -415,15 +415,17 @@ class Initial(Section, populate_by_name=True):
         *((way, key) for way in ("state", "from") for key in PHASES),
     )
 
-    def angles(self, sign: float) -> tuple[float, float]:
+    def angles(self, sign: float, hanging: float) -> tuple[float, float]:
         """Angles φ₁ and φ₂ of the exciters (rad); ``sign`` is that of φ₂ in the phase difference."""
-        return exciter_angles(self.phase_difference_rad, self.phi1_rad, self.speed_ratio, sign)
+        return exciter_angles(self.phase_difference_rad, self.phi1_rad, self.speed_ratio, sign, hanging)
 
 
-def exciter_angles(given: float | None, phi1: float | None, speed_ratio: float, sign: float) -> tuple[float, float]:
-    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference; hanging, where nothing else is said."""
+def exciter_angles(
+    given: float | None, phi1: float | None, speed_ratio: float, sign: float, hanging: float
+) -> tuple[float, float]:
+    """Angles φ₁ and φ₂ of the exciters (rad) at a phase difference; ``hanging``, where nothing else is said."""
     if given is None and phi1 is None and speed_ratio == 0.0:
-        return -0.5 * math.pi, -0.5 * math.pi
+        return hanging, hanging
     first = phi1 or 0.0
     return first, sign * ((math.pi if given is None else given) - first)
 

@@ -9,9 +9,11 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from vibroplat.columns import is_angle
+from vibroplat.config.circular import beyond, bound_scale, require_turn
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
-from vibroplat.config.schema import MAX_SIZE, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.schema import MAX_SIZE, MINUS, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
 from vibroplat.config.sections import PHASES
 
 #: Prefix of the keys of initial conditions, and all such keys.
@@ -111,7 +113,7 @@ class BasinsPlan(Section, title="Basins"):
 #: Default of the final width of a threshold, relative to the range of its key.
 DEFAULT_TOLERANCE = 1e-5
 #: A column, how it is compared, and a number.
-COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+−]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
 
 class FindPlan(Section, title="Find", populate_by_name=True):
@@ -131,7 +133,8 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     expression: str | None = Field(
         None,
         description='wanted outcome, instead of compare: a column of a sweep and a bound, as "rms_y_m > 1e-3"; if '
-        "outcomes are mixed, more values are evaluated on the side where it holds",
+        "outcomes are mixed, more values are evaluated on the side where it holds; an angle is above a bound up to "
+        "half a turn from it on",
     )
     from_: Literal["initial", "previous"] = Field(
         "initial",
@@ -159,6 +162,8 @@ class FindPlan(Section, title="Find", populate_by_name=True):
             raise ValueError(f"key = {self.key!a} cannot be varied; allowed: keys of machine, material, …, run.initial")
         if self.expression is not None and COMPARISON.fullmatch(self.expression) is None:
             raise ValueError(f"expression = {self.expression!a}; allowed: column > number, or >=, <, <=")
+        if self.compared is not None:
+            require_turn(f"expression = {self.expression!a}", self.compared[0], self.compared[2])
         return self
 
     @property
@@ -170,7 +175,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     def compared(self) -> tuple[str, str, float] | None:
         """Column, comparison and number of the expression."""
         match = COMPARISON.fullmatch(self.expression or "")
-        return match and (match[1], match[2], float(match[3]))
+        return match and (match[1], match[2], float(match[3].replace(MINUS, "-")))
 
     @property
     def of_motion(self) -> bool:
@@ -203,7 +208,8 @@ class DesignPlan(Section, title="Design"):
     constraints: dict[str, str] = Field(
         {},
         description='required bounds of measures, as {rms_y_m: ">= 1e-3", stability_margin: ">= 0.005"}; without '
-        "minimize, the answer is the fraction of samples that satisfy each",
+        "minimize, the answer is the fraction of samples that satisfy each; an angle is above a bound up to half a "
+        "turn from it on, and below it otherwise",
     )
     pareto: dict[str, Annotated[list[Real], Field(min_length=2, max_length=100)]] = Field(
         {}, description="several values for the bound of one measure of constraints, for a Pareto front"
@@ -230,6 +236,13 @@ class DesignPlan(Section, title="Design"):
         for measure, text in self.constraints.items():
             if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= MAX_SIZE):
                 raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
+            for limit in (self.bound(measure)[1], *self.pareto.get(measure, ())):
+                require_turn(f"constraints.{measure}", measure, limit)
+        if self.minimize is not None and is_angle(self.minimize):
+            raise ValueError(
+                f"minimize = {self.minimize}, which is an angle, and a circle has no least value; allowed: another "
+                "measure, with this one in constraints"
+            )
         sampled = bool(self.parameter_tolerances and self.samples)
         if self.minimize is None:
             if self.pareto:
@@ -248,12 +261,16 @@ class DesignPlan(Section, title="Design"):
     def bound(self, measure: str) -> tuple[float, float]:
         """Return 1 if a bound is the minimum of its measure, −1 if the maximum, 0 if it is no bound; and its value."""
         match = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
-        return (0.0, 0.0) if match is None else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3]))
+        return (
+            (0.0, 0.0)
+            if match is None
+            else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3].replace(MINUS, "-")))
+        )
 
     def keeps(self, measure: str, values: Any) -> Any:
         """Return whether values of a measure satisfy its bound."""
         sign, limit = self.bound(measure)
-        return sign * (values - limit) >= -VIOLATION_TOLERANCE * abs(limit)
+        return sign * beyond(measure, values, limit) >= -VIOLATION_TOLERANCE * bound_scale(measure, limit)
 
     @property
     def named(self) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, quantity
+from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, percent, quantity
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.continuation.special_points import SMOOTH_LOSSES
 from vibroplat.kernels.compiled import FloatArray
@@ -24,6 +25,8 @@ MAX_PRINTED = 40
 #: Most boundaries that have a line, kinds of synchronization that have a column, ranges of stability in a cell, and
 #: kinds of special points.
 MAX_CURVES, MAX_KINDS, MAX_RANGES, MAX_SPECIAL = 4, 2, 3, 5
+#: How the reason of an end begins that is a limit of the plan.
+LIMIT_REACHED = "max_points = "
 
 
 def answer_of(
@@ -36,7 +39,12 @@ def answer_of(
         [*_text(plan, tables["special"], summary)],
         failures=_failures(summary),
         headline=_headline(plan, branches, summary),
-        short=[*_stable_lines(plan, tables), *_special_counts(tables["special"]), *_curves(plan, tables)],
+        short=[
+            *_cut_short(plan, summary),
+            *_stable_lines(plan, tables),
+            *_special_counts(tables["special"]),
+            *_curves(plan, tables),
+        ],
     )
 
 
@@ -49,6 +57,25 @@ def _headline(plan: OrbitsPlan, table: pd.DataFrame, summary: Mapping[str, Any])
     count = len(summary["branches"])
     stable = f"{int(table['stable'].sum())} stable"
     return f"{count} branch{'es' * (count != 1)}, {', '.join(parts)}: {stable}"
+
+
+def _cut_short(plan: OrbitsPlan, summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what ended before its range did, because of a limit of the plan."""
+    branches, (low, high) = summary["branches"], plan.range
+    cut = [branch for branch in branches if branch["ended"].startswith(LIMIT_REACHED)]
+    if cut:
+        covered = max(branch["largest"] - branch["least"] for branch in cut) / (high - low)
+        most = "at most " * (len(cut) > 1)
+        who = f"{len(cut)} of {len(branches)} branches" if branches[1:] else "the branch"
+        yield f"{who} ended early, after {most}{percent(covered)} of the range: {cut[0]['ended']}"
+    if plan.boundaries is not None:
+        ends = [[end for end in curve["ended"] if end.startswith(LIMIT_REACHED)] for curve in summary["boundaries"]]
+        ended = [end for curve in ends for end in curve[:1]]
+        if ended:
+            yield f"{len(ended)} of {counted(len(ends), 'boundary curve')} ended early: boundaries.{ended[0]}"
+    families = Counter(str(branch["grid"]) for branch in branches)
+    if max(families.values()) >= plan.max_branches:
+        yield f"there may be more branches: max_branches = {plan.max_branches} reached"
 
 
 def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Iterator[str]:

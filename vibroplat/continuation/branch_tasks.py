@@ -15,12 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroplat.columns import Column, Columns
+from vibroplat.config.circular import wrap
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
 from vibroplat.continuation.locate import find_special_points
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct
-from vibroplat.continuation.orbit import OrbitError, first_orbit, measures_of_orbit, orbit_near, read_guess
+from vibroplat.continuation.orbit import (
+    MissedOrbitError,
+    OrbitError,
+    first_orbit,
+    measures_of_orbit,
+    orbit_near,
+    read_guess,
+    with_orbit_tolerance,
+)
 from vibroplat.continuation.shooting import Shooter, event_sequence_text
 from vibroplat.continuation.special_points import (
     DOUBLING,
@@ -134,7 +144,7 @@ def _find_pass(row: Record, former: Sequence[Record], values: FloatArray) -> tup
         ways = [[first, second], *([first, second, third] for third in thirds)]
         if any(all(_near(row, *alike, known) for alike in DEVIATIONS.items()) for known in ways):
             here, there = row["phase_difference_rad"], first["phase_difference_rad"]
-            apart, mirrored = (abs(np.angle(np.exp(1j * (here - sign * there)))) for sign in (1, -1))
+            apart, mirrored = (abs(wrap(here - sign * there)) for sign in (1, -1))
             return i, bool(mirrored < apart - 1e-6)
     return None
 
@@ -158,20 +168,25 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
     It begins at the start where ``begin`` is None, else at a place that :func:`_point_record` describes. The record has
     new ``rows`` and ``special`` points, the ``last`` place, and why the branch ``ended``, or has ``failed``.
     """
-    shooter = Shooter.borrow(scene, [plan.key], plan.range)
-    try:
-        return _compute_with(shooter, plan, begin, known)
-    finally:
-        shooter.give_back()
+
+    def compute(tried: Scene) -> Record:
+        shooter = Shooter.borrow(with_orbit_tolerance(tried, plan.tolerance), [plan.key], plan.range)
+        try:
+            return _compute_with(shooter, plan, begin, known)
+        finally:
+            shooter.give_back()
+
+    return with_second_engine(scene, compute, lambda record: record["missed"])
 
 
 def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, known: KnownPoints) -> Record:
     """Make a part of a branch with a shooter (:func:`compute_part`)."""
-    record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False}
+    record: Record = {"rows": [], "special": [], "last": None, "ended": "", "failed": False, "missed": False}
     try:
         branch = _begin_branch(shooter, plan, begin)
     except (NoConvergenceError, OrbitError) as error:
-        return record | {"ended": str(error), "failed": True}
+        missed = isinstance(error, (NoConvergenceError, MissedOrbitError))
+        return record | {"ended": str(error), "failed": True, "missed": missed}
     taken, ends, step = list[tuple[OrbitPoint, float]](), list[SpecialPoint](), list[OrbitPoint]()
     limit = min(POINTS_PER_TASK, plan.max_points - len(known.own))
     passed = PassedPoints(known, limit)

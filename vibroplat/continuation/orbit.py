@@ -17,8 +17,11 @@ import numpy.typing as npt
 import pandas as pd
 
 from vibroplat.config.arguments import Keys, validated
+from vibroplat.config.circular import wrap
+from vibroplat.config.computation import MIN_TOLERANCE_SUNDIALS
 from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import number, quantity
+from vibroplat.config.engine_choice import FAILED, chosen_engine, may_succeed, with_second_engine
 from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section
@@ -27,7 +30,9 @@ from vibroplat.errors import ConfigError, VibroplatError
 from vibroplat.extensions import figure_of, load_provided
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state
+from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
+from vibroplat.kernels.engines import uses_sundials
 from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of, initial_condition
 from vibroplat.motion.run import simulate
@@ -49,10 +54,15 @@ SETTLING_TURNS = (24, 96, 384)
 MAX_SETTLED_RESIDUAL = 1e-3
 #: What helps then.
 ADVICE = "continue one from where the motion is periodic (vibroplat orbits), or pass a guess"
-#: The tolerance of the integrator over that of an orbit, at most.
-INTEGRATOR_TOLERANCE_RATIO = 0.1
+#: The tolerance of the integrator over that of an orbit, at most; that of SUNDIALS. Newton's method cannot get below
+#: the scatter of shots from neighbouring states. Of a screen of 2.4 t, over two turns, that is 10 to 60 tolerances of
+#: ``native``, so that a tenth is not enough; with ``taylor`` it is 5e-12 at any tolerance. Steps of a thousandth are so
+#: short that the places of liftoffs suffer, by 2e-5 Hz instead of 1e-6.
+INTEGRATOR_TOLERANCE_RATIO, SUNDIALS_TOLERANCE_RATIO = 0.1, 0.01
 #: How often a step between two supplies is halved, at most.
 MAX_HALVINGS = 6
+#: Relative difference of the period by the speed on the section from that by the next turns, up to which it is as good.
+MAX_RIPPLE = 0.02
 #: Residual, over the tolerance, within which an orbit repeats after fewer turns.
 REPEAT_RATIO = 1e4
 #: Periods over which turns of both exciters are compared where no orbit is found, and how far from whole they may be.
@@ -65,6 +75,10 @@ class OrbitError(VibroplatError):
     """No periodic orbit was found; the message contains the cause and the last residuals."""
 
     exit_code = 2
+
+
+class MissedOrbitError(OrbitError):
+    """Newton's method did not converge, or the integrator failed: another engine may find an orbit."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -170,7 +184,7 @@ class Orbit:
 def run_from(scene: Scene, state: FloatArray, seconds: float) -> RunResult:
     """Simulate for some seconds from a full state, shape (14,), exactly as it is."""
     changes = {"run.duration_s": seconds, "run.perturbation": 0.0}
-    return simulate(with_initial_state(scene, state).replace(changes))
+    return simulate(with_initial_state(scene, state).replace(changes), engine=make_engine)
 
 
 @validated(scene=SceneArgument, period=Period, tolerance=OrbitTolerance)
@@ -245,8 +259,15 @@ def _continue_over_supply(scene: Scene, guess: Orbit, period: int, tolerance: fl
 
 
 def orbit_near(scene: Scene, guess: Any, period: int, tolerance: float) -> Orbit:
-    """Find an orbit as :func:`orbit` does, by one search, and say nothing of its stability."""
+    """Find an orbit as :func:`orbit` does, by one search with each engine, and say nothing of its stability."""
     scene, begin = read_guess(scene, guess)
+    return with_second_engine(
+        scene, lambda tried: _search_orbit(tried, begin, period, tolerance), errors=(MissedOrbitError,)
+    )
+
+
+def _search_orbit(scene: Scene, begin: FloatArray | None, period: int, tolerance: float) -> Orbit:
+    """Find an orbit by one search (:func:`orbit_near`)."""
     scene = with_orbit_tolerance(scene, tolerance)
     with closing(Shooter(scene)) as shooter:
         problem, result = first_orbit(shooter, begin, period, (), tolerance)
@@ -275,7 +296,10 @@ def with_orbit_tolerance(scene: Scene, tolerance: float) -> Scene:
     """
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given; orbits and basins need a constant supply; allowed: one frequency")
-    finest = min(scene.solver.tolerance, INTEGRATOR_TOLERANCE_RATIO * tolerance)
+    finest = INTEGRATOR_TOLERANCE_RATIO * tolerance
+    if uses_sundials(chosen_engine(scene)):
+        finest = max(SUNDIALS_TOLERANCE_RATIO * tolerance, MIN_TOLERANCE_SUNDIALS)
+    finest = min(scene.solver.tolerance, finest)
     return cast("Scene", with_value(scene, ["solver", "tolerance"], finest))  # in its range as both are
 
 
@@ -297,9 +321,14 @@ def first_orbit(
             raise OrbitError(f"orbits.period = {period} but the motion repeats after {turns}; allowed: {turns}")
     last = ", ".join(f"{r:.1e}" for r in missed.residuals[-4:]) or "none"
     reason = _describe_slip(shooter, state, period)
-    if not reason and guess is None and (not missed.residuals or missed.residuals[0] > MAX_SETTLED_RESIDUAL):
-        reason = f"the motion that settles does not repeat after {period} turns; {missed.why}; {ADVICE}"
-    raise OrbitError(f"no orbit of period {period} near the guess: {reason or missed.why}; last residuals: {last}")
+    repeats = guess is not None or (missed.residuals and missed.residuals[0] <= MAX_SETTLED_RESIDUAL)
+    why = missed.why
+    if not repeats:
+        why = f"the motion that settles does not repeat after {period} turns; {missed.why}; {ADVICE}"
+    text = f"no orbit of period {period} near the guess: {reason or why}; last residuals: {last}"
+    if reason or (missed.residuals and not repeats):  # it is the motion, whatever the engine
+        raise OrbitError(text)
+    raise MissedOrbitError(text + may_succeed(shooter.scene))
 
 
 def _describe_slip(shooter: Shooter, state: FloatArray, period: int) -> str:
@@ -328,7 +357,8 @@ def guesses(shooter: Shooter, guess: FloatArray | None) -> Iterator[FloatArray]:
             motion.to_section(turns - done, 4.0 * turns * TURN / scene.speed_scale)
             done = turns
             if motion.outcome != "ok":
-                raise OrbitError(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
+                kind = MissedOrbitError if motion.outcome in FAILED else OrbitError
+                raise kind(f"the motion ended while it settled: {motion.outcome}: {motion.detail}")
             state = motion.state
             yield state
             motion.reset(state)  # the search has moved it
@@ -401,7 +431,23 @@ def _from_state(
     """Find the orbit near a state on the section."""
     state = state.copy()
     state[3:5] -= TURN * np.round(state[3:5] / TURN)
-    shot = shooter.shot(state, period * TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale))
+    seconds = period * TURN / max(abs(state[10]), 1e-6 * shooter.scene.speed_scale)
+    try:
+        return _from_shot(shooter, state, seconds, units, tolerance)
+    except NoConvergenceError:  # the speed of exciter 1 on the section may be far from its mean
+        shooter.motion.reset(state)
+        turns = shooter.motion.to_section(period, 4.0 * seconds)
+        mean = shooter.motion.now
+        if not turns or abs(mean - seconds) <= MAX_RIPPLE * seconds:
+            raise
+    return _from_shot(shooter, state, mean, units, tolerance)
+
+
+def _from_shot(
+    shooter: Shooter, state: FloatArray, seconds: float, units: Sequence[float], tolerance: float
+) -> tuple[Problem, NewtonResult]:
+    """Find the orbit near a state on the section whose period is about so many seconds."""
+    shot = shooter.shot(state, seconds)
     if shot.outcome != "ok":
         raise NoConvergenceError(f"{shot.outcome}: {shot.detail}")
     turns = np.round((shot.state[3:5] - state[3:5]) / TURN).astype(int).tolist()
@@ -419,7 +465,7 @@ def smallest_period(problem: Problem, result: NewtonResult, period: int) -> int:
     for turns in range(1, period):
         if period % turns == 0:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
-            difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
+            difference[3:5] = wrap(difference[3:5])
             scaled = (difference / problem.shooter.scales)[result.chart.places]
             if np.abs(scaled).max() < REPEAT_RATIO * problem.tolerance:
                 return turns

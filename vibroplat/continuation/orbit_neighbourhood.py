@@ -15,9 +15,12 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.circular import differences
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import RANK_LIMIT, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.orbit import (
+    MissedOrbitError,
     Orbit,
     first_orbit,
     measure_period,
@@ -96,14 +99,18 @@ class OrbitNeighbourhood:
             As there.
         """
         scene, begin = read_guess(scene, guess)
-        shooter = Shooter(with_orbit_tolerance(scene, tolerance))
-        try:
-            if isinstance(guess, Orbit):
-                period = guess.period
-            return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).recentre()
-        except BaseException:
-            shooter.close()
-            raise
+        if isinstance(guess, Orbit):
+            period = guess.period
+
+        def search(tried: Scene) -> OrbitNeighbourhood:
+            shooter = Shooter(with_orbit_tolerance(tried, tolerance))
+            try:
+                return cls(*first_orbit(shooter, begin, period, (), tolerance), keys).recentre()
+            except BaseException:
+                shooter.close()
+                raise
+
+        return with_second_engine(scene, search, errors=(MissedOrbitError,))
 
     def close(self) -> None:
         """Free what the engine holds, for all that came from this one."""
@@ -222,7 +229,7 @@ class OrbitNeighbourhood:
                 self._measure(near, self.orbit.u + way, names)
                 for near, way in zip(sides, (change, -change), strict=True)
             )
-            slopes[:, k] = (above - below) / (2.0 * step)
+            slopes[:, k] = differences(names, above, below) / (2.0 * step)
         return slopes, np.full(slopes.shape, np.nan)
 
     @cached_property

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from vibroplat.config.circular import wrap
 from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.orbit import TOLERANCE, OrbitError, orbit_near, read_guess, run_from, with_orbit_tolerance
@@ -54,7 +55,7 @@ def orbit_motion(scene: Scene, row: Mapping[str, Any]) -> OrbitMotion:
         if run.outcome != "ok":
             raise OrbitError(f"the motion of this row ended early: {run.outcome}: {run.summary['detail']}")
         change = (run.final_state - state) / state_scales(run.scene)
-        change[3:5] = np.angle(np.exp(1j * change[3:5]))
+        change[3:5] = wrap(change[3:5])
         apart = float(np.abs(change).max())
         if apart > MAX_CLOSING_ERROR:
             raise OrbitError(

@@ -17,7 +17,9 @@ from typing import Any, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN, Mode
+from vibroplat.config.engine_choice import chosen_engine
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT, LIFTOFF
 from vibroplat.hybrid.state import EVENT, state_scales
@@ -203,7 +205,7 @@ MAX_IDLE = 4
 def _likeness_of(scene: Scene, keys: Sequence[str], course: tuple[float, float] | None) -> tuple[Any, ...]:
     """Return what scenes have in common whose shots one shooter can take: with keys, all of it."""
     own = (scene, *keys, course) if keys else ()
-    return scene.solver, scene.modes, scene.coordinates, len(scene.output.points), *own
+    return scene.solver, chosen_engine(scene), scene.modes, scene.coordinates, len(scene.output.points), *own
 
 
 class Shooter:
@@ -349,7 +351,7 @@ class Shooter:
         if len(states) > turns:
             points = np.array(states)
             away = points[turns:] - points[:-turns]
-            away[:, 3:5] -= TURN * np.round(away[:, 3:5] / TURN)
+            away[:, 3:5] = wrap(away[:, 3:5])
             yield from points[np.abs(away / self.scales).max(axis=1).argsort()[:MAX_RETURNS]]
 
     def shot(

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from vibroplat.basin.rates import clopper_pearson
-from vibroplat.columns import quantity_of, unit_of
+from vibroplat.columns import display_name, is_angle, unit_of
+from vibroplat.config.circular import NO_MEAN, centre_text, on_line, value_text
 from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, percent, prefixed, quantity
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs.samples import QUANTILES
@@ -43,12 +45,7 @@ def short_answer(plan: DesignPlan, tables: Mapping[str, pd.DataFrame], motion: s
 
 def measure_text(name: str, value: Any) -> str:
     """Write a measure with its name and unit."""
-    return f"{label(name)} {quantity(value, unit_of(name))}"
-
-
-def label(name: str) -> str:
-    """Return what a measure is called in prints."""
-    return quantity_of(name).name.replace("$", "")
+    return f"{display_name(name)} {value_text(name, value)}"
 
 
 def _best(plan: DesignPlan, best: pd.Series) -> str:
@@ -76,7 +73,7 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
         end = "lower" if best[key] - low < room else "upper" if high - best[key] < room else ""
         more = f"at the {end} end of its range in design.keys" if end else ""
         value = f"{number(best[key], 4)} {unit_of(key)}".rstrip()
-        yield f"{key:<34}{value:<16}{more}".rstrip()
+        yield f"{key:<32}  {value:<14}  {more}".rstrip()
     if plan.keys.keys() - [*plan.keys][:MAX_KEYS]:
         yield f"and {counted(len(plan.keys) - MAX_KEYS, 'more key')}: -v"
 
@@ -84,7 +81,8 @@ def _values(plan: DesignPlan, best: pd.Series) -> Iterator[str]:
 def _nearest(plan: DesignPlan, evaluations: pd.DataFrame) -> Iterator[str]:
     """Yield the evaluated design that violates the constraints least."""
     nearest = evaluations.sort_values("violation").iloc[0]
-    yield f"the closest one violates a bound by {percent(nearest['violation'])} of it; wider design.keys may help"
+    size = "half a turn" if any(map(is_angle, plan.constraints)) else "it"
+    yield f"the closest one violates a bound by {percent(nearest['violation'])} of {size}; wider design.keys may help"
     yield from _values(plan, nearest)
     yield ", ".join(measure_text(name, nearest[name]) for name in plan.constraints)
 
@@ -108,16 +106,19 @@ def quantile_lines(
     each = len(plan.constraints) > 1
     rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each, "fraction of the variance"]]
     for name in shown:
-        values = samples[name].quantile(list(QUANTILES)).tolist()
-        factor, unit = prefixed(values[1], unit_of(name))
+        values = pd.Series(on_line(name, samples[name])).quantile(list(QUANTILES)).tolist()
+        factor, unit = (1.0, "rad") if is_angle(name) else prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
-        texts = [f"{label(name)} ({unit})" if unit else label(name)]
+        label = display_name(name) + centre_text(name, samples[name])
+        texts = [f"{label} ({unit})" if unit else label]
         within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
         own = contributions[contributions["measure"] == name].sort_values("regression", ascending=False, kind="stable")
         parts = zip(own["key"].head(MAX_KEYS if most is None else 1), own["regression"], strict=False)
         explained = ", ".join(f"{key} {percent(part)}" for key, part in parts if part >= MIN_PRINTED_FRACTION)
         if most is None and explained:
             explained += f" (of {percent(own['explained'].iloc[0])} explained)"
+        if not np.isfinite(values).any():
+            explained = NO_MEAN
         rows.append([*texts, *(number(value / factor, digits) for value in values), *[within] * each, explained])
     return in_columns(rows)
 
@@ -147,7 +148,7 @@ def elasticity_lines(table: pd.DataFrame, most: int | None = None) -> Iterator[s
         first = own.reindex(own["elasticity"].abs().sort_values(ascending=False, kind="stable").index)
         first = first[first["elasticity"].abs() > NEGLIGIBLE * first["elasticity"].abs().max()]
         texts = _of_keys(dict(zip(first["key"], first["elasticity"], strict=True)))[:MAX_ELASTICITIES]
-        rows.append([label(str(name)), quantity(own["value"].iloc[0], unit_of(str(name))), ", ".join(texts)])
+        rows.append([display_name(str(name)), value_text(str(name), own["value"].iloc[0]), ", ".join(texts)])
     yield from in_columns(rows) if rows else ()
 
 

@@ -8,11 +8,13 @@ only, remaining transients, and the scatter of motion that does not repeat.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from vibroplat.columns import name_regime
+from vibroplat.config.circular import differences
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
@@ -50,14 +52,6 @@ def brief_plan(scene: Scene, settling: float = 1.0, measures_at: float = 1.0, **
     times = {"max_settle_s": settling * MAX_SETTLING_TURNS * turn, "measure_s": measures_at * MEASURED_TURNS * turn}
     how = {"settle_by": "section", "perturbation": START_DISTANCE, "lyapunov": False}
     return settling_plan(scene).model_copy(update=times | how | more)
-
-
-def name_regime(row: Mapping[str, Any]) -> str:
-    """Name the regime of a row of a sweep, or the outcome of one that ended early."""
-    if row.get("outcome", "ok") != "ok":
-        return f"none, {row['outcome']}"
-    motion = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
-    return f"{row['sync']}, {motion}"
 
 
 class MotionNeighbourhood:
@@ -120,7 +114,7 @@ class MotionNeighbourhood:
             for n, change in enumerate((step * key, 0.5 * step * key)):
                 above, below = self._step_to(above, change), self._step_to(below, -change)
                 high, low = (np.array([one.measures[name] for name in names], float) for one in (above, below))
-                slopes[n, :, k] = (high - low) / ((above.values - below.values)[k] or np.nan)
+                slopes[n, :, k] = differences(names, high, low) / ((above.values - below.values)[k] or np.nan)
         own, sizes = np.abs(slopes[0] - slopes[1]), np.abs(self.values)
         typical = np.nanmedian(own * sizes, axis=1, keepdims=True) / sizes
         return np.asarray(slopes.mean(axis=0)), np.hypot(own, typical)

@@ -12,11 +12,12 @@ from contextlib import closing
 
 import numpy as np
 
-from vibroplat.columns import COUNT, FLAG, Column, Columns
+from vibroplat.columns import COUNT, FLAG, Column, Columns, name_regime
+from vibroplat.config.circular import bound_scale, differences
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import VIOLATION_TOLERANCE, DesignPlan
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.designs.motions import name_regime, settling_plan
+from vibroplat.designs.motions import settling_plan
 from vibroplat.designs.samples import sobol_points
 from vibroplat.designs.sensitivities import Neighbourhood, local_orbit
 from vibroplat.kernels.compiled import FloatArray
@@ -37,7 +38,9 @@ LOST_PENALTY = 10.0
 EVALUATIONS: Columns = {
     "start": Column("number of the starting point", kind=COUNT),
     "objective": Column("measure to minimize, in the worst case within the tolerances", "unit of the measure"),
-    "violation": Column("largest violation of a bound", "relative to the bound, in the worst case"),
+    "violation": Column(
+        "largest violation of a bound", "relative to the bound, or half a turn if it is of an angle, in the worst case"
+    ),
     "feasible": Column("whether all constraints are satisfied", kind=FLAG),
     "best": Column("whether this is the best design", kind=FLAG),
 }
@@ -73,8 +76,8 @@ class DesignProblem:
         if "stability_margin" in self.names:  # an unstable orbit is no design
             bounds = {"stability_margin": (1.0, 0.0), **bounds}
         self._signs, limits = np.array(list(bounds.values()), float).reshape(-1, 2).T
-        self._limits, self._bounded = limits, [self.names.index(name) for name in bounds]
-        scales = np.abs(limits) + (limits == 0.0)
+        self._limits, self._bounded, self._bounds = limits, [self.names.index(name) for name in bounds], list(bounds)
+        scales = np.array([bound_scale(name, limit) or 1.0 for name, limit in zip(bounds, limits, strict=True)])
         self._scales = np.where(
             [name == "stability_margin" for name in bounds], np.maximum(np.abs(limits), MIN_MARGIN_SCALE), scales
         )
@@ -132,8 +135,9 @@ class DesignProblem:
         """How far inside the bounds each scene is, in scales: shape (scenes · bounds,)."""
         orbits = self.at(point)
         assert orbits is not None
-        inside = [self._signs * (self._measures(k)[self._bounded] - self._limits) / self._scales for k in orbits]
-        return np.concatenate(inside)
+        measures = [self._measures(k)[self._bounded] for k in orbits]
+        inside = [differences(self._bounds, values, self._limits) for values in measures]
+        return np.concatenate([self._signs * apart / self._scales for apart in inside])
 
     def violation(self, point: FloatArray) -> float:
         """Largest violation of a bound."""

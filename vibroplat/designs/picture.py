@@ -8,8 +8,9 @@ from textwrap import fill
 
 import numpy as np
 
-from vibroplat.columns import display_name, display_unit, indexed_name, unit_of
+from vibroplat.columns import display_name, display_unit, indexed_name, is_angle, unit_of
 from vibroplat.config import digits
+from vibroplat.config.circular import NO_MEAN, beyond, centre_text, circular_mean, on_line
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
@@ -106,7 +107,9 @@ def _strongest(known: pd.DataFrame) -> str:
 def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return samples in the order of each measure that varies, in the colours of their regimes, with bounds."""
     table = picture.finite(content.rows_in(result, "samples", ("regime",)))
-    asked = [m for m in _elasticities(result).dropna(subset=["elasticity"])["measure"].unique() if m in table]
+    known = _elasticities(result)
+    angles = known["measure"].map(is_angle)  # which have no elasticity
+    asked = [m for m in known.loc[angles | known["elasticity"].notna(), "measure"].unique() if m in table]
     texts = content.content_of(table, [*asked, *(name for name in plan.constraints if name in table)])
     shown = [name for name, text in texts.items() if not text]
     nominal = _nominal(result, plan)
@@ -122,8 +125,10 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     notes = dict[str, str]()
     for name in (name for name in plan.constraints if name in shown):
         notes[name] = f"{bound_of(plan, name)}: {digits.percent(float(plan.keeps(name, table[name]).mean()))} keep it"
-        bound, low, high = plan.bound(name)[1], float(table[name].min()), float(table[name].max())
-        if low - BOUND_DISTANCE * (high - low) <= bound <= high + BOUND_DISTANCE * (high - low):
+        bound, numbers = plan.bound(name)[1], on_line(name, table[name].dropna())
+        at = beyond(name, bound, circular_mean(table[name])) if is_angle(name) else bound
+        low, high = (float(end) for end in (numbers.min(), numbers.max()))
+        if low - BOUND_DISTANCE * (high - low) <= at <= high + BOUND_DISTANCE * (high - low):
             lines.append(picture.Line(name, [bound], "bound", "-", picture.VERMILION))
     more = (
         fill(", ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in spread), LINE_WIDTH),
@@ -157,8 +162,12 @@ def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
         return f"{int(inside.sum())} of {len(table)} samples keep {words}"
     if not shown:
         return f"No measure varies among {len(table)} samples"
-    low, high = np.percentile(table[shown[0]].dropna().astype(float), (5.0, 95.0))
-    return titles.sentence(f"{display_name(shown[0])} {digits.interval(low, high, unit_of(shown[0]))} in 90 %")
+    name, values = shown[0], table[shown[0]].dropna().astype(float)
+    low, high = np.percentile(on_line(name, values), (5.0, 95.0))
+    if not np.isfinite(low):
+        return titles.sentence(f"{display_name(name)}: {NO_MEAN}")
+    called = f"{display_name(name)}{centre_text(name, values)}{' rad:' * is_angle(name)}"
+    return titles.sentence(f"{called} {digits.interval(low, high, unit_of(name))} in 90 %")
 
 
 def _nominal(result: Result, plan: DesignPlan) -> Mapping[str, float]:

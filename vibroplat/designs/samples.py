@@ -12,10 +12,11 @@ from contextlib import closing
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns
+from vibroplat.columns import COUNT, FLAG, TEXT, Column, Columns, name_regime
+from vibroplat.config.circular import on_line
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.designs.motions import brief_plan, name_regime
+from vibroplat.designs.motions import brief_plan
 from vibroplat.designs.sensitivities import local_orbit
 from vibroplat.errors import errors_about
 from vibroplat.kernels.compiled import FloatArray
@@ -43,7 +44,10 @@ SAMPLES: Columns = {
 VARIANCE_CONTRIBUTIONS: Columns = {
     "measure": Column("name of the measure: a column of a sweep, or stability_margin", kind=TEXT),
     "key": Column("dotted key with a tolerance", kind=TEXT),
-    "regression": Column("fraction of the measure's variance due to the key", "by linear regression"),
+    "regression": Column(
+        "fraction of the measure's variance due to the key",
+        "by linear regression; of an angle, of its deviations from the circular mean, and empty if it has no mean",
+    ),
     "explained": Column("fraction of the variance that linear regression explains", "equal for all keys of a measure"),
 }
 
@@ -103,8 +107,8 @@ def variance_contributions(table: pd.DataFrame, keys: Sequence[str], measures: S
 def _regression(table: pd.DataFrame, keys: Sequence[str], measure: str) -> tuple[FloatArray, float]:
     """Fraction of each key in the variance of a measure, by linear regression on standardized samples, and its R²."""
     own = table.dropna(subset=[measure])
-    y, z = own[measure].to_numpy(float), own[list(keys)].to_numpy(float)
-    if len(own) <= len(keys) + 1 or y.std() == 0.0:
+    y, z = on_line(measure, own[measure]), own[list(keys)].to_numpy(float)
+    if len(own) <= len(keys) + 1 or not y.std() > 0.0:
         return np.full(len(keys), np.nan), 0.0
     z, y = (z - z.mean(axis=0)) / z.std(axis=0), (y - y.mean()) / y.std()
     slopes = np.linalg.lstsq(z, y, rcond=None)[0]

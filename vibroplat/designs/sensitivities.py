@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import TEXT, Column, Columns
+from vibroplat.columns import TEXT, Column, Columns, is_angle
 from vibroplat.config.keys import number_of
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
@@ -62,7 +62,8 @@ SENSITIVITIES: Columns = {
     ),
     "elasticity": Column(
         "relative change of the measure divided by the relative change of the key",
-        "derivative × key / measure; empty if the measure is 0, or the derivative not above two of its errors",
+        "derivative × key / measure; empty if the measure is 0 or an angle, whose zero is arbitrary, or the derivative "
+        "not above two of its errors",
     ),
     "derivative_error": Column(
         "error of the derivative",
@@ -234,7 +235,7 @@ def rows(local: Neighbourhood, names: Sequence[str]) -> list[dict[str, Any]]:
         kind = [
             abs(v) for n, v in local.measures.items() if isinstance(v, float) and n.split("_")[0] == name.split("_")[0]
         ]
-        significant = nominal and abs(nominal) > ROUND_OFF_RATIO * max(kind)
+        significant = nominal and not is_angle(name) and abs(nominal) > ROUND_OFF_RATIO * max(kind)
         for key, value, slope, wrong in zip(local.keys, map(float, local.values), by_key, off, strict=True):
             sure = significant and not abs(slope) <= MIN_SLOPE_ERRORS * wrong  # nan of an orbit
             numbers = (slope, slope * value / nominal if sure else np.nan, wrong)

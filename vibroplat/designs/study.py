@@ -9,9 +9,10 @@ from typing import Any, Unpack
 import pandas as pd
 from ruamel.yaml import YAML
 
-from vibroplat.columns import Column, Columns, unit_of
+from vibroplat.columns import Column, Columns, is_angle, name_regime, unit_of
+from vibroplat.config.circular import bound_meaning
 from vibroplat.config.digits import DIGITS, decimal, number, percent, places
-from vibroplat.config.plausibility import HINT
+from vibroplat.config.plausibility import HINT, WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs import optimum
@@ -25,7 +26,7 @@ from vibroplat.designs.answer import (
     short_answer,
     with_confidence,
 )
-from vibroplat.designs.motions import NO_ORBITS, name_regime
+from vibroplat.designs.motions import NO_ORBITS
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
@@ -59,6 +60,12 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "pareto": ("`vibroplat design` with `pareto`: one row per bound.", {**_VARIED, **_MEASURED, **optimum.PARETO}),
 }
 
+#: What is said of a measure that is an angle.
+OF_ANGLES = (
+    "is an angle: its quantiles and contributions are those of its deviations from the circular mean, and it has no "
+    "elasticity, because its zero is arbitrary"
+)
+
 
 class DesignStudy(Study):
     """Sensitivities, tolerances and best values of a section ``design``.
@@ -82,6 +89,8 @@ class DesignStudy(Study):
         of_keys.require_keys(scene, list(self.plan.keys), "design.keys")
         of_keys.require_keys(scene, list(self.plan.parameter_tolerances), "design.parameter_tolerances")
         of_keys.require_measures(scene, self.plan.named, "design")
+        self.notes += [bound_meaning(name, *self.plan.bound(name)) for name in filter(is_angle, plan.constraints)]
+        self.notes += [f"{HINT}{name} {OF_ANGLES}" for name in filter(is_angle, self.plan.named)]
         for key, width in self.plan.parameter_tolerances.items():
             for end in (-width, width):
                 of_keys.require_allowed(
@@ -126,12 +135,12 @@ class DesignStudy(Study):
         best, best_lines = self._best(run, known, tables)
         lines |= best_lines
         if best is None:
-            return self._result(tables, Answer(lines, text))
+            return self._result(tables, Answer(lines, text, self.notes))
         scene = self.scene.replace(best["values"])
         row = run.one("confirmed", optimum.measure_design, self.scene, known, best["values"])
         texts = [measure_text(name, row["row"][name]) for name in self.aims if row["row"].get(name) is not None]
         lines |= {"from rest": ", ".join([row["regime"], *texts])}
-        other = f"started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
+        other = f"{WARNING}started from rest, the best design converges to {row['regime']}, not to the optimized orbit"
         notes = self.notes + ([] if row["same"] else [other])
         if not row["same"] and self.plan.parameter_tolerances and self.plan.samples:
             notes[-1] += ", so its tolerances were not sampled"
@@ -201,7 +210,8 @@ class DesignStudy(Study):
         keys, elasticities = list(plan.parameter_tolerances), result.sensitivities.dropna(subset=["elasticity"])
         places = of_samples.sobol_points(plan.seed, len(keys), 0, plan.samples)
         table = self._samples(run, scene, known, places)
-        contributions = of_samples.variance_contributions(table, keys, elasticities["measure"].unique().tolist())
+        measures = [name for name in self.names if is_angle(name) or name in {*elasticities["measure"]}]
+        contributions = of_samples.variance_contributions(table, keys, measures)
         lines = dict(result.answer.lines) | _lines_of_samples(table, home)
         counts = {of: with_confidence(count, len(table)) for of, count in count_satisfied(plan, table).items()}
         answer = result.answer._replace(

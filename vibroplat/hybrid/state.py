@@ -347,7 +347,7 @@ def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
     state = static_rest(scene)
     if initial.state is None:
         speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))
-        state[3:5] = initial.angles(scene.phase_weights[1])
+        state[3:5] = initial.angles(scene.phase_weights[1], scene.hanging_angle)
         for i, exciter in enumerate(scene.exciter_pair):
             state[10 + i] = initial.speed_ratio * exciter.direction * speeds[i]
         return state

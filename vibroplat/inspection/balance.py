@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
-from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.scene import Scene
 from vibroplat.inspection.linear import (
     ComplexArray,
@@ -84,10 +84,19 @@ def while_driven(scene: Scene) -> Scene:
         if any(now.driven) and frequency > 0.0:
             if math.isinf(now.end):
                 break
-            before = [entry for entry in scene.drive.program or () if entry.t_s < now.end]
-            last = Entry(t_s=now.end, supply_frequency_hz=frequency)
-            return scene.model_copy(update={"drive": Drive(program=[*before, last])})
+            return scene.model_copy(update={"drive": scene.drive.until(now.end)})
     return scene
+
+
+def while_run(scene: Scene) -> Scene:
+    """Return the scene with the supply at the end of its run kept on, if its program is longer.
+
+    It is as it is if the run continues another one: when that ends is not known.
+    """
+    end, program = scene.run.duration_s, scene.drive.program or ()
+    if scene.run.initial.from_ is not None or not any(entry.t_s > end for entry in program):
+        return scene
+    return scene.model_copy(update={"drive": scene.drive.until(end)})
 
 
 def net_torques(scene: Scene, supply: Supply, speeds: FloatArray, factors: FloatArray | float = 1.0) -> FloatArray:
@@ -139,7 +148,7 @@ def balances(
     weight = apart[at] / (apart[at] - apart[at + 1])
     crossings = [of[at] + weight * (of[at + 1] - of[at]) for of in (speed, LAG)]
     sense = scene.exciter_pair[0].direction
-    return [Balance(w, lag, math.remainder(sense * lag, TURN)) for w, lag in np.transpose(crossings).tolist()]
+    return [Balance(w, lag, float(wrap(sense * lag))) for w, lag in np.transpose(crossings).tolist()]
 
 
 def all_balances(scene: Scene, supply: Supply) -> list[Balance]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from vibroplat.columns import unit_of
+from vibroplat.config.circular import degrees_text
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.inspection.material import BANDS, ERROR, STRAIGHT
 from vibroplat.results.answer import fitting, of_both, short_line
@@ -30,7 +31,7 @@ def answer(name: str, v: Numbers) -> str:
     at = _speeds(v, load) if sync == "none" else quantity(speeds[0], "Hz")
     expected, where = f"{'no synchronization' if sync == 'none' else sync} expected at {at}", _where(v, max(speeds))
     empty = "without material" if v["loaded_expected"] and not load else ""
-    off = f"until off at {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
+    off = f"driven until {quantity(v['motors_off_s'], 's')}" if math.isfinite(v["motors_off_s"]) else ""
     start = f"a start {v['start']}" if v["start"] else ""
     below = f" below {quantity(v['passage_frequency_hz'], 'Hz', digits=3)}" if "captured" in start else ""
     return fitting(f"{name[:MACHINE]}: ", [expected, start + below, off, empty, where])
@@ -183,7 +184,7 @@ def _beside(v: Numbers, load: str) -> Iterator[str]:
 def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
     """Yield the synchronization, and what else there is."""
     none = v["expected"] == "none"
-    yield v["expected"] + ("" if none else f" at {quantity(math.degrees(v['phase_difference_rad']), '°')}")
+    yield v["expected"] + ("" if none else f" at {degrees_text(v['phase_difference_rad'])}")
     resting = [i for i in (1, 2) if not v[f"excitation_frequency_{i}_hz"]]
     yield f"exciter {resting[0]} comes to rest" if len(resting) == 1 else ""
     yield f"synchronous speeds {synchronous}" if none and not resting else ""

@@ -61,8 +61,10 @@ def averaged_start(
     """
     initial, count, on = scene.run.initial, factors.size, list(final_supply(scene).driven)
     speeds = np.tile(initial.speed_ratio * np.array(scene.synchronous_speeds), (count, 1))
-    angles = np.multiply([e.direction for e in scene.exciter_pair], initial.angles(scene.phase_weights[1]))
-    lag = angles[0] - angles[1] + PERTURBATION + np.broadcast_to(turned, factors.shape)
+    first, second = scene.exciter_pair
+    angles = initial.angles(scene.phase_weights[1], scene.hanging_angle)
+    apart = first.direction * angles[0] - second.direction * angles[1]
+    lag = apart + PERTURBATION + np.broadcast_to(turned, factors.shape)
     lanes: _Lanes = (speeds, np.zeros_like(speeds), lag, *np.zeros((2, count, 3), complex), factors)
     ends, left = speeds.copy(), np.arange(count)
     step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else MAX_STEPS)

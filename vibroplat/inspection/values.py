@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
-from vibroplat.config.plausibility import SWING_TORQUE_RATIO, by_severity, notes_on_input
+from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
@@ -23,12 +24,15 @@ from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import answer, short_lines
 from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
 from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
+from vibroplat.observe.notes import long_flight
 from vibroplat.results.answer import Answer
 
 #: Relative difference of both speeds up to which exciters that have started count as turning together.
 TOGETHER = 0.05
 #: Part of the largest velocity, in units of equal energy, from which on the platform moves along an axis.
 MOVES = 0.2
+#: Stroke over that far above resonance up to which exciters mainly rock the machine.
+ROCKING = 0.5
 #: Relative difference of speeds from which on two balances are two motions.
 DISTINCT = 0.002
 #: Torque to pass a resonance over what there is from which on a start is tight.
@@ -48,8 +52,8 @@ def _each(words: Mapping[str, str], described: Columns) -> dict[str, Column]:
 _CONVEYING = "k_v ω (A_x + A_y tan α), k_v 0.49 … 0.56 or 0.75 … 0.95 by the throw index; empty where neither holds"
 #: The numbers, and how each is found.
 INSPECTION: Columns = {
-    "supply_frequency_hz": Column("supply frequency at the end of the program, or before the motors go off"),
-    "motors_off_s": Column("when the motors go off for good; all else is before", "empty if they do not"),
+    "supply_frequency_hz": Column("supply frequency at the end of program or run, or before the motors go off"),
+    "motors_off_s": Column("when the motors go off, or to 0 Hz, for good; all else is before", "empty if they do not"),
     "excitation_frequency_hz": Column("expected speed of the exciters", "balance of torques; empty if not together"),
     "expected": Column("expected synchronization", "balance of torques after the averaged start; or none", kind=TEXT),
     "coexisting": Column("another stable synchronization, and its speed", "as after another start", kind=TEXT),
@@ -182,6 +186,8 @@ class Tone(NamedTuple):
 
 def inspect(scene: Scene) -> Inspection:
     """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this."""
+    notes = notes_on_input(scene)
+    scene = balance.while_run(scene)
     supply = balance.final_supply(scene)
     starts = (
         starts_from_rest(balance.while_driven(scene)) if any(supply.driven) else (np.zeros((0, 2)), np.zeros(0, bool))
@@ -190,7 +196,7 @@ def inspect(scene: Scene) -> Inspection:
     running, last = turning.balance, scene.drive.intervals[-1]
     values: dict[str, float | str] = {
         "supply_frequency_hz": supply.frequency,
-        "motors_off_s": math.nan if any(last.driven) else max(last.start, 0.0),
+        "motors_off_s": math.nan if any(last.driven) and last.frequency else max(last.start, 0.0),
         **_statics(scene),
         **_of_motors(scene, supply, turning.speeds),
         **_vibration(scene, _tones(scene, turning)),
@@ -205,11 +211,32 @@ def inspect(scene: Scene) -> Inspection:
         values |= _with_load(scene, supply, turning)
     if any(supply.driven):
         values["start"] = _start(values, starts[1])
-    notes = notes_on_input(scene)
     if scene.transport is not None:
         values["unique_friction"] = unique = unique_friction(scene)
         notes.insert(0, _paradox(scene.transport.largest_friction, unique))
+    throw = values.get("loaded_throw_index", values["throw_index"])
+    notes += [_rocking(scene, values), long_flight(scene, float(throw))]
     return Inspection(scene.name, values, by_severity(filter(None, notes)))
+
+
+def _rocking(scene: Scene, values: Mapping[str, float | str]) -> str:
+    """Return the note on co-rotating exciters whose forces cancel and only rock the machine, or an empty text.
+
+    Far above resonances, equal forces at z₁ and z₂ from the centre of mass make 2/M + Re(z₁ z₂*)/J the coefficient of
+    the cosine of their phase difference in the averaged Lagrangian, which is least (Blekhman 1988): where that is 0
+    they are a quarter of a turn apart, and further apart on the same line the machine mainly moves along x and y.
+    """
+    stroke, most = max(float(values[f"stroke_{axis}_m"]) for axis in "xy"), float(values["stroke_far_above_m"])
+    first, second = (complex(*axis) for axis in scene.body.axes)
+    apart = abs(first - second)
+    needed = math.hypot(abs(first + second), math.sqrt(8.0 * scene.body.inertia / scene.body.mass))
+    if not scene.co_rotating or values["expected"] == "none" or stroke > ROCKING * most or not 0.0 < apart < needed:
+        return ""
+    return (
+        f"the exciters rock the machine: their forces nearly cancel, and strokes are {percent(stroke / most)} of those "
+        f"far above resonance. {number(needed)} m apart and more on the same line, instead of {number(apart)} m, they "
+        "vibrate it along x and y"
+    )
 
 
 def _paradox(friction: float, unique: float) -> str:
@@ -217,8 +244,8 @@ def _paradox(friction: float, unique: float) -> str:
     if not friction > unique:
         return ""
     return (
-        f"transport: friction {given(friction)} is above {number(unique)}: contact may have several motions or none "
-        "(Painlevé's paradox), and a run is not reliable"
+        f"{WARNING}transport: friction {given(friction)} is above {number(unique)}: contact may have several motions "
+        "or none (Painlevé's paradox), and a run is not reliable"
     )
 
 
@@ -362,7 +389,7 @@ def _loaded_balances(scene: Scene, supply: Supply, empty: Balance) -> list[Balan
     carried = np.interp(balance.LAG, FOLLOWED, motion["carried"], period=TURN)
     grid = np.linspace(0.8 * empty.speed, max(scene.synchronous_speeds_at(supply.frequency)), 200)
     known = balance.balances(scene, supply, grid, carried)
-    return sorted(known, key=lambda one: abs(math.remainder(one.lag - empty.lag, TURN)))
+    return sorted(known, key=lambda one: abs(wrap(one.lag - empty.lag)))
 
 
 def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:

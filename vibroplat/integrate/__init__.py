@@ -1,5 +1,6 @@
-"""Integrators behind one interface, :mod:`~vibroplat.integrate.interface`, and which of them runs a scene.
+"""Integrators behind one interface, :mod:`~vibroplat.integrate.interface`.
 
+Which of them computes a scene is decided in :mod:`~vibroplat.config.engine_choice`.
 ``native`` drives IDA from compiled code, ``sundae`` through scikit-sundae; both use
 :mod:`~vibroplat.integrate.multistep`. ``taylor`` is the Taylor series of the model.
 """
@@ -7,15 +8,16 @@
 from __future__ import annotations
 
 import logging
-import threading
 from functools import cache
 from typing import TYPE_CHECKING
 
+from vibroplat.config.engine_choice import chosen_engine
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import MARGIN, empty_steps
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.kernels.engines import ENGINES, uses_sundials
+from vibroplat.kernels.engines import ENGINES
 from vibroplat.system import memory
+from vibroplat.system.forks import lock
 
 if TYPE_CHECKING:
     from vibroplat.config.scene import Scene
@@ -25,17 +27,18 @@ if TYPE_CHECKING:
 
 # Each engine's module is imported where it is asked for: its kernels are compiled or loaded then.
 
-_FINDING = threading.Lock()
+_FINDING = lock()
 _LOG = logging.getLogger("vibroplat")
 
 
-def make_engine(scene: Scene, p: Parameters) -> Engine:
-    """Make the engine that ``solver.engine`` asks for, or ``sundae`` where ``native`` cannot be had.
+def make_engine(scene: Scene, p: Parameters, name: str = "") -> Engine:
+    """Make the engine of a name, or that for studies of a scene; ``sundae`` where ``native`` cannot be had.
 
     The first one whose kernels must be compiled says so, as that takes long.
     """
-    announce_compilation(scene.solver.engine)
-    engine: Engine = ENGINES[engine_name(scene)].factory(scene, p)
+    name = name or chosen_engine(scene)
+    announce_compilation(name)
+    engine: Engine = ENGINES[_available(name)].factory(scene, p)
     return engine
 
 
@@ -69,10 +72,15 @@ def announce_compilation(engine: str) -> bool:
     return must
 
 
-def engine_name(scene: Scene) -> str:
-    """Name the engine that runs a scene."""
-    if scene.solver.engine not in ("auto", "native"):
-        return scene.solver.engine
+def engine_name(scene: Scene, *, run: bool = False) -> str:
+    """Name the engine that computes a ``run`` of a scene, or else its studies, orbits and derivatives."""
+    return _available(chosen_engine(scene, run=run))
+
+
+def _available(name: str) -> str:
+    """Return the name of an engine, or ``sundae`` for ``native`` where that cannot be had."""
+    if name != "native":
+        return name
     with _FINDING:
         return "sundae" if native_library() is None else "native"
 
@@ -92,11 +100,3 @@ def native_library() -> Library | None:
         )
         return None
     return opened
-
-
-def other_engine(name: str) -> str:
-    """Name the engine that checks another: that which shares least with it.
-
-    Engines ``native`` and ``sundae`` are two ways to SUNDIALS, so ``taylor`` checks both, and SUNDIALS checks it.
-    """
-    return "taylor" if uses_sundials(name) else "auto"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import os
-import threading
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -29,6 +28,7 @@ from vibroplat.model.parameters import Parameters
 from vibroplat.model.sliding import jacobian as fill_jacobian
 from vibroplat.model.sliding import residual as fill_residual
 from vibroplat.model.systems import SYSTEMS, System
+from vibroplat.system.forks import lock
 
 _ROOT = 2
 
@@ -42,7 +42,7 @@ MAX_CALLS, CALLS_PER_SEGMENT = 100_000, 60
 #: Fraction of the way to a failure that is gone again, to have what was before it.
 RETAINED_FRACTION = 0.999
 
-_SOLVING = threading.Lock()
+_SOLVING = lock()
 
 
 class _GivenUpError(ArithmeticError):

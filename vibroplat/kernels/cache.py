@@ -161,7 +161,7 @@ def _remove_unused(place: Path, current: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def is_compiled(engine: str = "auto") -> bool:
+def is_compiled(engine: str = "native") -> bool:
     """Whether an engine's compiled kernels are on disk, so that a run need not wait; it loads none of them."""
     return any(any(place.glob(f"{loop_of(engine)}-*")) for place in _readable())
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-from collections.abc import Callable, Iterable
-from functools import cache, cached_property
+from collections.abc import Callable, Generator, Iterable
+from functools import cached_property
 from types import FunctionType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeVar, cast
 
@@ -34,6 +34,7 @@ from numba.extending import intrinsic
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import cache_of
 from vibroplat.kernels.target import TARGET, WIDE_TARGET, InsideLibrary
+from vibroplat.system.interrupts import handlers_put_off
 
 if getattr(numba.config, "DISABLE_JIT", 0):
     raise VibroplatError(
@@ -60,6 +61,15 @@ class _Dispatcher(CPUDispatcher):
         """Keep what is compiled."""
         self._cache = cache_of(self.py_func)
 
+    def compile(self, sig: Any) -> Any:
+        """Compile for one signature, or load what was compiled.
+
+        A time limit of a program ends it only when the kernel is there: an exception would be lost where LLVM calls
+        Python, and numba would not find the attributes any more that it was about to register.
+        """
+        with handlers_put_off():
+            return super().compile(sig)
+
 
 class _Callback(CFunc):
     """A C function, with the same. It is compiled when its address is asked for."""
@@ -75,7 +85,8 @@ class _Callback(CFunc):
     def address(self) -> int:
         """Where its machine code is."""
         if self._wrapper_address is None:
-            self.compile()
+            with handlers_put_off():
+                self.compile()
         assert self._wrapper_address is not None
         return self._wrapper_address
 
@@ -88,7 +99,7 @@ class Kernel(_Dispatcher):
         self._options = OPTIONS | {"fastmath": {"contract"} if fused else False}
         super().__init__(function, targetoptions=self._options)
         self._inline = inline
-        self.overload_of: dict[Any, Any] = {}  # by the kinds of arguments, for calls from Python and by address
+        self.overload_of: dict[Any, _Overload] = {}  # by the kinds of arguments, for calls from Python and by address
         self.enable_caching()
 
     @cached_property
@@ -169,14 +180,28 @@ def _kind(argument: Any) -> Any:
     return type(argument)
 
 
-def _overload(kernel: Any, arguments: tuple[Any, ...]) -> Any:
+class _Overload:
+    """What a kernel is compiled to for one list of types."""
+
+    def __init__(self, result: Any) -> None:
+        self._result = result
+        self.entry_point = result.entry_point
+
+    @cached_property
+    def address(self) -> Address:
+        """Where it is, for compiled callers."""
+        place = self._result.library.get_pointer_to_function(self._result.fndesc.llvm_func_name)
+        return Address(int(place), _key(self._result.signature.args))
+
+
+def _overload(kernel: Any, arguments: tuple[Any, ...]) -> _Overload:
     """Return what a kernel is compiled to for arguments of exactly these types; compile it if it is not yet."""
     key = tuple(map(_kind, arguments))
-    found = kernel.overload_of.get(key)
+    found: _Overload | None = kernel.overload_of.get(key)
     if found is None:
         kinds = tuple(numba.typeof(argument) for argument in arguments)
         kernel.compile(kinds)
-        found = kernel.overload_of[key] = kernel.overloads[kinds]
+        found = kernel.overload_of[key] = _Overload(kernel.overloads[kinds])
     return found
 
 
@@ -200,8 +225,14 @@ def quick_call(kernel: Callable[P, T]) -> Callable[P, T]:
 
 
 def _is_other_kind(argument: Any, known: Any) -> bool:
-    """Whether an argument is not the known object, nor of its type."""
-    return argument is not known and _kind(argument) != _kind(known)
+    """Whether an argument has another type than a known one; parts that are the same objects are not looked at."""
+    if argument is known:
+        return False
+    if type(argument) is not type(known):
+        return True
+    if isinstance(argument, tuple):
+        return len(argument) != len(known) or any(map(_is_other_kind, argument, known))
+    return bool(_kind(argument) != _kind(known))
 
 
 class Address(NamedTuple):
@@ -226,13 +257,7 @@ class Callee(NamedTuple):
 
 def address_of(kernel: Callable[..., None], *arguments: Any) -> Address:
     """Return where a kernel is, for :func:`call_kernel` with arguments of the types of these."""
-    found = _overload(kernel, arguments)
-    return Address(_address(found.library, found.fndesc.llvm_func_name), _key(found.signature.args))
-
-
-@cache
-def _address(library: Any, name: str) -> int:
-    return int(library.get_pointer_to_function(name))
+    return _overload(kernel, arguments).address
 
 
 def _key(kinds: Iterable[Any]) -> int:
@@ -249,17 +274,28 @@ class PythonFunction:
 
     def __init__(self, function: Callable[[int], None]) -> None:
         self._error: BaseException | None = None
-
-        def call(number: int) -> int:
-            try:
-                function(number)
-            except BaseException as error:  # C would lose it
-                self._error = error
-                return 0
-            return 1
-
-        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(call)
+        answers = self._answers(function)
+        next(answers)
+        self._kept = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)(answers.send)
         self.address = ctypes.cast(self._kept, ctypes.c_void_p).value or 0
+
+    def _answers(self, function: Callable[[int], None]) -> Generator[int, int, None]:
+        """Call the function with each number that is sent, and yield whether it has returned.
+
+        C would lose an exception. Handlers of signals that came meanwhile run when Python goes on, and may raise: in a
+        generator that is where it waits, in a function before its first line.
+        """
+        answer = 1
+        while True:
+            try:
+                while True:
+                    number = yield answer
+                    function(number)
+                    answer = 1
+            except GeneratorExit:
+                return
+            except BaseException as error:
+                self._error, answer = error, 0
 
     def check(self) -> None:
         """Raise what the function has raised."""

@@ -39,7 +39,7 @@ ENGINES = {
 
 def loop_of(engine: str) -> str:
     """Return the compiled loop of an engine, or that of ``native``."""
-    return (ENGINES[engine].loop if engine in ENGINES else "") or ENGINES["native"].loop
+    return ENGINES[engine].loop or ENGINES["native"].loop
 
 
 def uses_sundials(engine: str) -> bool:

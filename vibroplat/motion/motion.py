@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.drive import interval_at
+from vibroplat.config.engine_choice import FAILED, may_succeed
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.loop import automaton, beginning, first_mode
@@ -359,5 +360,6 @@ class Simulator:
             "raise solver.max_events_per_period to follow them",
             hy.OUT_OF_MEMORY: self._lack,
         }.get(int(run["outcome"]), self.engine.detail)
-        state = ", ".join(f"{v:.6g}" for v in self._state)
-        return f"{why}; mode {Mode(int(run['mode'])).label}, t = {run['now']:.9g} s, state [{state}]"
+        state, helps = ", ".join(f"{v:.6g}" for v in self._state), self.outcome in FAILED and may_succeed(self.scene)
+        place = f"mode {Mode(int(run['mode'])).label}, t = {run['now']:.9g} s{helps or ''}"
+        return f"{why}; {place}, state [{state}]"

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 from pydantic import InstanceOf
 
-from vibroplat.columns import COUNT, TEXT, Column, Columns
+from vibroplat.columns import COUNT, TEXT, Column, Columns, name_regime
 from vibroplat.config.arguments import TrueOrKeys, validated
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
-from vibroplat.config.plausibility import notes_on_input
+from vibroplat.config.engine_choice import FAILED, engines_to_try
+from vibroplat.config.plausibility import WARNING, notes_on_input
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
@@ -47,7 +49,8 @@ from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.transients import Transient, transients
 from vibroplat.observe.variation import Variation
 from vibroplat.results.run import RunResult
-from vibroplat.results.run_answer import SETTLED
+from vibroplat.results.run_answer import SETTLED, kind_of_motion
+from vibroplat.results.tables import TableFile
 
 #: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
@@ -69,6 +72,15 @@ SUMMARY: Columns = {
     "static_sag_m": Column(
         "static sag of the springs", "the machine rests at y = -static_sag_m; figures show y relative to this"
     ),
+    "sync": Column(
+        "synchronization of the exciters", "as in a sweep: antiphase, in-phase, intermediate or none", kind=TEXT
+    ),
+    "motion": Column(
+        "kind of motion",
+        "periodic; non-periodic: no period is found; undecided: a transient is left; empty without whole turns",
+        kind=TEXT,
+    ),
+    "regime": Column("synchronization and kind of motion", "as of the samples of a design", kind=TEXT),
     "period": Column(
         "period of the motion, in turns of exciter 1",
         f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
@@ -105,7 +117,7 @@ SUMMARY: Columns = {
     variation=TrueOrKeys,
     sink=SinkArgument | None,
     start=InstanceOf[Start] | None,
-    engine=Callable[..., Any],
+    engine=Callable[..., Any] | None,
 )
 def simulate(
     scene: Scene,
@@ -115,7 +127,7 @@ def simulate(
     sink: Sink | Files | None = None,
     variation: bool | str | Sequence[str] = False,
     start: Start | None = None,
-    engine: Callable[[Scene, Parameters], Engine] = make_engine,
+    engine: Callable[[Scene, Parameters], Engine] | None = None,
 ) -> RunResult:
     """Integrate a scene in time, from its initial condition for ``run.duration_s``.
 
@@ -140,7 +152,9 @@ def simulate(
     start
         Initial condition, if it is known already. Default: the initial condition of the scene.
     engine
-        Function that makes the engine. Default: ``solver.engine``.
+        Function that makes the engine. Default: ``solver.engine``. If that is ``auto``, engine ``native`` integrates
+        the run, or with ``variation`` the engine of derivatives. Where it fails, the run is repeated by the other one,
+        unless a ``sink`` of functions has received its tables.
 
     Returns
     -------
@@ -155,13 +169,36 @@ def simulate(
     """
     if keep == "table":
         require_room(scene)
+    keys = None if variation is False else key_tuple(() if variation is True else variation)
+    start = initial_condition(scene) if start is None else start
+    makers = (
+        [partial(make_engine, name=name) for name in engines_to_try(scene, run=keys is None)]
+        if engine is None
+        else [engine]
+    )
+    files = [file for file in sink or () if isinstance(file, TableFile)]
+    for maker in makers if files or sink is None else makers[:1]:
+        for file in files:
+            file.clear()
+        run = _simulate(scene, maker, start, Recorder(scene, keep, sink), keys, progress)
+        if run.outcome not in FAILED:
+            break
+    return run
+
+
+def _simulate(
+    scene: Scene,
+    engine: Callable[[Scene, Parameters], Engine],
+    start: Start,
+    recorder: Recorder,
+    keys: Sequence[str] | None,
+    progress: Callable[[float, int], None] | None,
+) -> RunResult:
+    """Integrate a scene in time by one engine (:func:`simulate`)."""
     p = parameters(scene)
     began = time.perf_counter()
     with closing(engine(scene, p)) as driver:
-        keys = None if variation is False else key_tuple(() if variation is True else variation)
-        start = initial_condition(scene) if start is None else start
         motion = Simulator(scene, p, driver, start.state, start.time, start.mode)
-        recorder = Recorder(scene, keep, sink)
         run = _run(motion, start, recorder, keys, [] if progress is None else [_Progress(progress, motion.now)])
     run.summary["wall_s"] = time.perf_counter() - began
     return run
@@ -212,6 +249,11 @@ def _summary(
     stroke = max(sheet["stroke_x_m"] or 0.0, sheet["stroke_y_m"] or 0.0)
     moved = max(left[0].size, left[1].size) / stroke if stroke > MIN_STROKE and not unsteady else None
     whole = whole_run(part.measures, scene, start, slow_motors(scene, measures), locked)
+    kinds = {
+        "sync": synchronization(measures) if measures["phase_coherence"] is not None else "",
+        "motion": kind_of_motion(measures, repeats, moved),
+    }
+    regime = name_regime({**kinds, "period": repeats}) if kinds["motion"] else ""
     return (
         {
             "name": scene.name,
@@ -222,6 +264,8 @@ def _summary(
             "relative_rotation": scene.rotation,
             "perturbation": scene.start_perturbation,
             "static_sag_m": 0.0 - float(static_rest(scene)[1]),
+            **kinds,
+            "regime": regime,
             "period": repeats,
             "stroke_change": moved,
             "transient_x_m": left[0].size,
@@ -254,7 +298,7 @@ def _notes(
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
         change(scene, summary, begin),
         symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
-        *notes_on_input(scene),
+        *notes_on_input(scene, ends=begin + scene.run.duration_s),
         stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
         recorded,
     )
@@ -274,7 +318,8 @@ def _settling(left: Sequence[Transient], summary: Mapping[str, Any]) -> str:
             "may be a transient that decays while it is measured, and is in the forces, too: "
             f"run.duration_s = {given(float(f'{longer:.2g}'))} leaves about {percent(0.5 * SETTLED)}"
         )
-    return f"{percent(largest.size / stroke)} of the stroke, {quantity(largest.size, 'm')} along {axis}, {text}"
+    size = quantity(largest.size, "m")
+    return f"{WARNING}{percent(largest.size / stroke)} of the stroke, {size} along {axis}, {text}"
 
 
 def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
@@ -289,11 +334,11 @@ def _unbalanced(scene: Scene, measures: Mapping[str, Any]) -> str:
     if not (steady and short) or name not in ("antiphase", "in-phase") or scene.transport is not None:
         return ""
     phases = phases_at(scene, supply_at(scene, end), TURN * measures["excitation_frequency_hz"])
-    apart = np.abs(np.angle(np.exp(1j * (phases - measures["phase_difference_rad"]))))
+    apart = np.abs(wrap(phases - measures["phase_difference_rad"]))
     if not apart.size or apart.min() < OTHER_PHASE:
         return ""
     return (
-        f"the mean torques on the empty machine do not hold {name}: it may be unstable and "
+        f"{WARNING}the mean torques on the empty machine do not hold {name}: it may be unstable and "
         "lost over many turns; a longer run.duration_s or vibroplat orbits shows whether it persists"
     )
 
@@ -312,8 +357,8 @@ class _Progress:
         self._tell(float(h.run["now"]) - self._start, self._events)
 
 
-def load_kernels(engine: str = "auto") -> None:
-    """Compile or load all that a motion needs, by the engine that ``solver.engine`` names.
+def load_kernels(engine: str = "native") -> None:
+    """Compile or load all that a motion needs, by the engine of a name.
 
     The engine's loop comes last: where it is on disk, all others are.
     """

@@ -9,14 +9,15 @@ from typing import Any
 
 from vibroplat.columns import split
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.scene import Scene
+from vibroplat.integrate import make_engine
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.run import simulate
-from vibroplat.observe.notes import DISTURBANCE
 from vibroplat.results.run import RunResult
 
-#: Most and fewest runs with further seeds, and the time (s) that is simulated in all where there are not the fewest.
-MOST_SEEDS, FEWEST_SEEDS, SIMULATED_S = 19, 4, 600.0
+#: How many runs with further seeds there are.
+MORE_SEEDS = 19
 #: Ratio of the largest value to that in steady operation above which it belongs to the start.
 START_PEAK = 1.05
 #: Relative differences up to which peaks are equal, and strokes settled.
@@ -31,8 +32,8 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     Parameters
     ----------
     run
-        A run that was just simulated. One without a disturbance, ``run.perturbation`` = 0, has no further ones; one
-        that only continues another is disturbed by :data:`vibroplat.observe.notes.DISTURBANCE`.
+        A run that was just simulated. One without a disturbance, as ``run.perturbation`` is 0, has no further ones. By
+        default it is 0 in a run that continues another: there only times of switching, if there are some, may differ.
 
     Returns
     -------
@@ -60,13 +61,12 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     if not times:
         return {}
     seconds = LONGER * (max(times.values()) - begin) + MORE_TURNS * TURN / scene.speed_scale
-    simulated = SIMULATED_S if summary["engine"] == "taylor" else SIMULATED_S / 10.0  # others are that much slower
-    count = min(MOST_SEEDS, max(FEWEST_SEEDS, int(simulated / seconds))) if scene.run.perturbation != 0.0 else 0
+    count = MORE_SEEDS if _may_differ(scene, begin) else 0
     runs = [summary]
     for k in range(1, count + 1):
         another = _with_seed(scene, k, k / (count + 1), begin)
         another = another.replace({"run.duration_s": min(seconds, scene.run.duration_s)})
-        other = simulate(another, keep="summary", start=initial_condition(another))
+        other = with_second_engine(another, _simulate_one_of_many, lambda other: other.outcome in FAILED)
         if other.outcome == "ok":
             runs.append(other.summary)
     ends = {column: [choose(one[column] for one in runs) for choose in (min, max)] for column in times}
@@ -75,9 +75,21 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     return {"seeds": len(runs), "captured": captured, **differ}
 
 
+def _may_differ(scene: Scene, begin: float) -> bool:
+    """Whether runs with other seeds that begin at a time (s) differ from each other."""
+    end = begin + scene.run.duration_s
+    switches = any(begin < entry.t_s < end for entry in scene.drive.program or ())
+    return scene.start_perturbation > 0.0 or (switches and scene.run.perturbation is None)
+
+
+def _simulate_one_of_many(scene: Scene) -> RunResult:
+    """Simulate a scene by the engine of studies, as there are many such runs."""
+    return simulate(scene, keep="summary", start=initial_condition(scene), engine=make_engine)
+
+
 def _with_seed(scene: Scene, k: int, part: float, begin: float) -> Scene:
     """Return a scene with the k-th next seed, and with what is switched after a time (s) later by a part of a turn."""
-    changes = {"run.seed": scene.run.seed + k, "run.perturbation": scene.start_perturbation or DISTURBANCE}
+    changes: dict[str, Any] = {"run.seed": scene.run.seed + k, "run.perturbation": scene.start_perturbation}
     later = part * TURN / scene.speed_scale
     if scene.drive.program is not None:
         entries = [entry.model_dump(exclude_none=True) for entry in scene.drive.program]

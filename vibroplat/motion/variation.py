@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vibroplat.config.arguments import Keys, validated
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.config.schema import Positive, short
 from vibroplat.errors import ConfigError, MotionError
@@ -75,6 +76,13 @@ def variation(
         The motion ended early.
     """
     keys = key_tuple(keys)
+    return with_second_engine(scene, lambda tried: _vary(tried, state, seconds, keys), errors=(MotionError,))
+
+
+def _vary(
+    scene: Scene, state: pd.Series[float] | npt.ArrayLike | None, seconds: float | None, keys: Sequence[str]
+) -> Varied:
+    """Integrate a motion with its derivatives, by one engine (:func:`variation`)."""
     observer = Variation(parameter_directions(scene, keys))
     start = initial_condition(scene) if state is None else Start(full_state(state, scene))
     p = parameters(scene, start.time)

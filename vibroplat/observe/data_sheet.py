@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import Column, Columns, split
+from vibroplat.config.circular import wrap
 from vibroplat.config.computation import Output
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.drive import SupplyInterval
@@ -373,7 +374,7 @@ def synchronization_time(ms: Accumulators, scene: Scene, start: float) -> tuple[
     mean, begin = means(ms), ms.marks["first"][0]
     width, fastest = 1.0 / BINS, FASTEST * scene.speed_scale
     middle = (np.arange(BINS) + 0.5) * width
-    away = np.abs(np.angle(np.exp(1j * (TURN * middle - math.atan2(mean["sine"], mean["cosine"])))))
+    away = np.abs(wrap(TURN * middle - math.atan2(mean["sine"], mean["cosine"])))
     outside = [away > math.pi / 3.0]
     for i in (1, 2):
         speed = abs(mean[f"speed_{i}"]) / fastest

@@ -13,7 +13,8 @@ import numpy as np
 
 from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import given, number, percent, quantity
-from vibroplat.config.plausibility import HINT
+from vibroplat.config.engine_choice import chosen_engine
+from vibroplat.config.plausibility import HINT, WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.engines import uses_sundials
@@ -42,6 +43,8 @@ SYMMETRIC, DISTURBANCE = 1e-3, 0.01
 EXCITERS = 2
 #: Fraction of the contact from which on shear inside is told.
 MIN_SHEARED_FRACTION = 0.05
+#: Throw index at which a flight without rebound lasts a whole period, √(1 + π²) (Holmes 1982).
+WHOLE_PERIOD = math.hypot(1.0, math.pi)
 #: Relative difference of speeds up to which exciters turn together; range of angles of a swing (rad) from which on it
 #: is told, and least whole turns in which it is seen.
 EQUAL_SPEEDS, MIN_SWING_RAD, MIN_ROWS = 1e-3, 0.02, 8
@@ -52,8 +55,19 @@ def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     notes = (
         *(rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures)),
         shear(measures.get("sheared_fraction")),
+        long_flight(scene, measures.get("gamma")),
     )
     return [note for note in notes if note]
+
+
+def long_flight(scene: Scene, throw: float | None) -> str:
+    """Return the note on material along the deck that flies longer than a period, or an empty text."""
+    if scene.transport is None or throw is None or not throw > WHOLE_PERIOD:
+        return ""
+    return (
+        f"throw index {number(throw)}: above {number(WHOLE_PERIOD)} a flight lasts longer than a period, material "
+        "lands at any phase of the vibration, and its conveying speed may fall to a fraction"
+    )
 
 
 def shear(fraction: float | None) -> str:
@@ -61,8 +75,8 @@ def shear(fraction: float | None) -> str:
     if fraction is None or fraction <= MIN_SHEARED_FRACTION:
         return ""
     return (
-        f"in {percent(fraction)} of the contact shear between the layers is above {given(INTERNAL_FRICTION)} of their "
-        "pressure: a bed shears inside there, but here the layers are rigid in shear"
+        f"{WARNING}in {percent(fraction)} of the contact shear between the layers is above {given(INTERNAL_FRICTION)} "
+        "of their pressure: a bed shears inside there, but here the layers are rigid in shear"
     )
 
 
@@ -72,13 +86,15 @@ def coarseness(scene: Scene, measures: Mapping[str, Any]) -> str:
     Engines other than SUNDIALS are far more accurate than their tolerance.
     """
     tolerance = scene.solver.tolerance
-    if not scene.contact.restitution or not uses_sundials(scene.solver.engine) or tolerance <= COARSE:
+    if not scene.contact.restitution or tolerance <= COARSE:
+        return ""
+    if not uses_sundials(measures.get("engine") or chosen_engine(scene)):
         return ""
     if not (measures["impacts_per_period"] or 0.0) > 1.0:
         return ""
     return (
-        f"several impacts per turn amplify errors: at tolerance {given(tolerance)} the results may be wrong by several "
-        "per cent, so lower solver.tolerance"
+        f"{WARNING}several impacts per turn amplify errors: at tolerance {given(tolerance)} the results may be wrong "
+        "by several per cent, so lower solver.tolerance"
     )
 
 
@@ -87,8 +103,8 @@ def rotation(largest: float | None) -> str:
     if largest is None or largest <= LARGE_ROTATION:
         return ""
     return (
-        f"the platform turns by up to {number(largest, 2)} rad, over {given(LARGE_ROTATION)} rad: inaccurate in a "
-        "model of first order in phi, and less unbalance reduces it"
+        f"{WARNING}the platform turns by up to {number(largest, 2)} rad, over {given(LARGE_ROTATION)} rad: inaccurate "
+        "in a model of first order in phi, and less unbalance reduces it"
     )
 
 
@@ -105,7 +121,7 @@ def drift(measures: Mapping[str, Any]) -> str:
     turns = change / TURN
     size = quantity(math.degrees(change), "°") if turns < 1.0 else f"{number(turns)} turns"
     return (
-        f"the phase difference changes by {size} while it is measured: the motion has "
+        f"{WARNING}the phase difference changes by {size} while it is measured: the motion has "
         "not settled, and a longer run.duration_s helps, or the exciters do not synchronize"
     )
 
@@ -116,8 +132,8 @@ def change(scene: Scene, measures: Mapping[str, Any], start: float) -> str:
     if last <= begin:
         return ""
     return (
-        f"the supply changes until {given(last)} s, but the measured part begins at {quantity(begin, 's')}: means "
-        f"include the change; run.duration_s = {given(2.0 * (last - start))} or more avoids that"
+        f"{WARNING}the supply changes until {given(last)} s, but the measured part begins at {quantity(begin, 's')}: "
+        f"means include the change; run.duration_s = {given(2.0 * (last - start))} or more avoids that"
     )
 
 
@@ -176,7 +192,7 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
     if not mean or driven.count(True) != 1 or abs(split) <= EQUAL_SPEEDS * mean:
         return ""
     if not driven[0] or len(rows) < MIN_ROWS:
-        return f"exciter {driven.index(False) + 1} is off: whether it still swings, a run twice as long shows"
+        return f"{WARNING}exciter {driven.index(False) + 1} is off: whether it still swings, a run twice as long shows"
     half = len(rows) // 2
     angles, times = rows["state"][:, COORDINATES.index("phi2_rad")], rows["t"]
     first, last = float(np.ptp(angles[:half])), float(np.ptp(angles[half:]))
@@ -186,17 +202,18 @@ def free_swing(scene: Scene, measures: Mapping[str, Any], rows: Any, begins: flo
     if size <= MIN_SWING_RAD:
         return ""
     if size > TURN or not rate:
-        return "exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
+        return f"{WARNING}exciter 2, off, still turns or swings: not steady, and a longer run.duration_s helps"
     seconds = 2.0 * (end - begins + max(math.log(last / (0.5 * MIN_SWING_RAD)), 0.0) / rate)
     return (
-        f"exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: not steady before about "
-        f"run.duration_s = {given(float(f'{seconds:.2g}'))}"
+        f"{WARNING}exciter 2, off, still swings by ± {quantity(math.degrees(0.5 * size), '°')}: not steady before "
+        f"about run.duration_s = {given(float(f'{seconds:.2g}'))}"
     )
 
 
 def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray) -> str:
     """Return the note on exciters that still turn in the last state of a run without drive, or an empty text."""
-    if any(scene.driven(measures["measured_from_s"], measures["measured_to_s"])):
+    interval = measures["measured_from_s"], measures["measured_to_s"]
+    if any(scene.driven(*interval)):
         return ""
     inertia, _, stiffness = scene.oscillators
     springs = stiffness > 0.0
@@ -205,9 +222,10 @@ def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray
     fastest = float(np.max(np.abs(state[places])))
     if fastest <= 0.5 * slowest:
         return ""
+    switched = "braked" if scene.braked(*interval) else "off"
     return (
-        f"exciters, off, still turn or swing at up to {quantity(fastest / TURN, 'Hz')}: larger values may "
-        "follow as they pass resonances, and a longer run.duration_s shows them"
+        f"{WARNING}exciters, {switched}, still turn or swing at up to {quantity(fastest / TURN, 'Hz')}: larger values "
+        "may follow as they pass resonances, and a longer run.duration_s shows them"
     )
 
 
@@ -251,10 +269,11 @@ def captures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     notes = []
     for exciter, speed, synchronous in slow_motors(scene, measures):
         wanted = quantity(synchronous, "Hz")
-        still = f"exciter {exciter} hardly turns, although its synchronous speed is {wanted}: {HELPS_START}"
+        still = f"{WARNING}exciter {exciter} hardly turns, although its synchronous speed is {wanted}: {HELPS_START}"
         slow = (
-            f"exciter {exciter} turns at {quantity(speed, 'Hz')}, {percent(1.0 - speed / synchronous)} below its "
-            f"synchronous speed {wanted}: captured by a resonance, overloaded or still running up, and {HELPS_START}"
+            f"{WARNING}exciter {exciter} turns at {quantity(speed, 'Hz')}, {percent(1.0 - speed / synchronous)} below "
+            f"its synchronous speed {wanted}: captured by a resonance, overloaded or still running up, and "
+            f"{HELPS_START}"
         )
         notes.append(still if measures["impacts_per_period"] is None else slow)
     return of_each(notes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -176,11 +177,59 @@ def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX
     return next((turns for turns in range(first, last + 1) if spread(points, turns, tolerance) <= tolerance), 0)
 
 
+def latest_distances(points: FloatArray, longest: int = MAX_PERIOD) -> FloatArray:
+    """Largest distance of the last points from those 1, 2, … turns earlier, shape (longest,); shorter with few points.
+
+    There are as many last points as the longest number of turns.
+    """
+    turns = np.arange(1, min(longest, len(points) - longest) + 1)[:, np.newaxis]
+    last = np.arange(len(points) - longest, len(points))
+    return np.abs(points[last] - points[last - turns]).max(axis=(1, 2)) if turns.size else np.empty(0)
+
+
+def is_equal(apart: FloatArray, best: float) -> npt.NDArray[np.bool_]:
+    """Whether distances of points are those of a motion that repeats, as are the ``best`` ones."""
+    return apart <= max(DISTANCE_RATIO * best, EQUAL_DISTANCE)
+
+
 def latest_period(points: FloatArray) -> int:
     """Smallest number of turns after which the last points repeat about as well as after any other, or 0."""
-    turns = np.arange(1, min(MAX_PERIOD, len(points) - MAX_PERIOD) + 1)[:, np.newaxis]
-    last = np.arange(len(points) - MAX_PERIOD, len(points))
-    apart = np.abs(points[last] - points[last - turns]).max(axis=(1, 2)) if turns.size else turns
+    apart = latest_distances(points)
     if not apart.size or apart.min() > REPEAT_DISTANCE:
         return 0
-    return int(np.argmax(apart <= max(DISTANCE_RATIO * apart.min(), EQUAL_DISTANCE))) + 1
+    return int(np.argmax(is_equal(apart, apart.min()))) + 1
+
+
+class Repetition(NamedTuple):
+    """After how many turns a motion repeats.
+
+    Attributes
+    ----------
+    turns
+        Smallest number of turns after which it repeats within a tolerance.
+    finer
+        Multiple of it after which it repeats far more closely, as near a period doubling; 0 if there is none.
+    distance
+        Distance of its last points after the ``finer`` number of turns (scaled units); 0 without it.
+    """
+
+    turns: int
+    finer: int = 0
+    distance: float = 0.0
+
+
+def least_period(points: FloatArray, turns: int, tolerance: float) -> Repetition:
+    """Return how a section that repeats after some turns within a tolerance repeats at the accuracy of its last points.
+
+    A motion that still converges may miss the tolerance after its period, and be within it after a multiple: as it is
+    far from its last points at first in both cases, chance decides. The last points repeat as well after the period.
+    """
+    apart = latest_distances(points, max(turns, MAX_PERIOD))
+    if len(apart) < turns:
+        return Repetition(turns)
+    alike = is_equal(apart, apart[turns - 1]) & (apart <= tolerance)
+    least = next(n for n in range(1, turns + 1) if turns % n == 0 and (alike[n - 1] or n == turns))
+    finer = int(np.argmax(is_equal(apart, apart.min()))) + 1
+    if finer > least and finer % least == 0:
+        return Repetition(least, finer, float(apart[finer - 1]))
+    return Repetition(least)

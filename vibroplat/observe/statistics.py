@@ -326,7 +326,7 @@ def mark_bins(ms: Accumulators, end: FloatArray, now: float, system: int, fastes
     """Note that the phase difference and the speeds at the end of a step have been met."""
     n = DIFFERENTIAL[system] // 2
     turns = (end[3] - p.direction[0] * p.direction[1] * end[4]) / TURN
-    which = (turns - math.floor(turns), min(abs(end[n + 3]) / fastest, 1.0), min(abs(end[n + 4]) / fastest, 1.0))
+    which = (turns - np.floor(turns), min(abs(end[n + 3]) / fastest, 1.0), min(abs(end[n + 4]) / fastest, 1.0))
     for i in range(3):
         place = ms.seen[i, min(int(BINS * which[i]), BINS - 1)]
         place[0], place[1] = now, ms.work[0]

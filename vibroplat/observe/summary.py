@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import COUNT, Column, Columns, sync_name
+from vibroplat.config.circular import on_line, shown_angle
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import may_succeed
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.kernels.compiled import FloatArray
@@ -190,7 +192,7 @@ def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
         "excitation_frequency_hz": 0.5 * (first + second),
         "frequency_split_hz": first - second,
         "impacts_per_period": passed[3 + IMPACT] / (int(marks["turns"]) - 1.0) if turned else None,
-        "phase_difference_rad": wrap_angle(math.atan2(mean["sine"], mean["cosine"])),
+        "phase_difference_rad": shown_angle(math.atan2(mean["sine"], mean["cosine"])),
         "phase_coherence": math.hypot(mean["sine"], mean["cosine"]),
         "flight_fraction": mean["flying"],
         "motor_power_w": mean["power_1"] + mean["power_2"],
@@ -214,7 +216,7 @@ def block_errors(blocks: Sequence[Accumulators], names: Sequence[str]) -> dict[s
     The measures COUNTED have none if any block has chatter: they depend on the tolerance more than they scatter. The
     error of means of blocks is that of :func:`batch_means_error`. The error of an RMS follows from that of its squares,
     and reaches down to 0 where one block outweighs the others: a remainder that still decays. The largest of several
-    maxima scatters as each of them does (Gumbel's law).
+    maxima scatters as each of them does (Gumbel's law). Angles of blocks without a circular mean have no error.
     """
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
     of_blocks = [known_of(part)[1] for part in parts]
@@ -225,9 +227,7 @@ def block_errors(blocks: Sequence[Accumulators], names: Sequence[str]) -> dict[s
             errors[name] = None
             continue
         block_values = [part[name] for part in of_blocks]
-        values = np.array([math.nan if v is None or math.isinf(v) else v for v in block_values], dtype=float)
-        if name == "phase_difference_rad" and len(values):  # about one of them, for angles have no mean
-            values = np.angle(np.exp(1j * (values - values[0])))
+        values = on_line(name, [math.nan if v is None or math.isinf(v) else v for v in block_values])
         if is_rms := name.startswith("rms_"):
             values = values**2
         error = math.nan
@@ -260,11 +260,6 @@ def batch_means_error(values: FloatArray) -> float:
 def largest_values(extremes: Any) -> dict[str, float | None]:
     """Largest contact force, gap and impulse; −inf where there is none."""
     return dict(zip(LARGEST, extremes["largest"][_PLACES_OF_LARGEST].tolist(), strict=True))
-
-
-def wrap_angle(angle: float, near: float = 1e-12) -> float:
-    """Wrap an angle to (−π, π]; an angle within ``near`` of −π becomes π."""
-    return min(angle + TURN, math.pi) if angle <= -math.pi + near else angle
 
 
 #: Counts of events, as :data:`vibroplat.hybrid.modes.KINDS`: a corner of the drive is no event of the motion.
@@ -393,7 +388,7 @@ def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
         if residual is not None and residual > limit:
             return (
                 f"{name} residual {residual:.3g} exceeds {limit:.3g}, the limit at tolerance {tolerance:g}; lower "
-                "solver.tolerance, and check the orders of magnitude in the scene"
+                f"solver.tolerance, and check the orders of magnitude in the scene{may_succeed(scene)}"
             )
     return ""
 

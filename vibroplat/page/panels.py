@@ -10,10 +10,20 @@ import numpy as np
 import pandas as pd
 from contourpy import contour_generator
 
-from vibroplat.columns import display_name, quantity_of, unit_of
+from vibroplat.columns import display_name, is_angle, quantity_of, unit_of
+from vibroplat.config.circular import degrees_text, ranked
 from vibroplat.config.digits import quantity
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.page.view import View, axis_name, colour_classes, dashes, heading, isolated_points, places_of
+from vibroplat.page.view import (
+    View,
+    axis_name,
+    colour_classes,
+    dashes,
+    heading,
+    isolated_points,
+    places_of,
+    shown_at,
+)
 from vibroplat.results.labels import halfway, in_ratios
 from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan
 
@@ -238,15 +248,17 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     places = places_of(shown)
     values = view.values(panel.column)
     places = places[np.isfinite(values[places])]
-    order = places[np.argsort(values[places], kind="stable")]
+    fractions = (0.05, 0.5, 0.95)
+    ranks, quantiles = ranked(panel.column, values[places], fractions)
+    order = places[ranks]
     shares = (np.arange(len(order)) + 0.5) / max(len(order), 1)
     label = plain_text(quantity_of(panel.column).name)
     x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
     plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
     _draw_classes(view, plot, panel, order, values[order], shares, shown[0].colour)
-    for fraction in (0.05, 0.5, 0.95) if len(order) else ():
-        value = float(np.quantile(values[order], fraction))
-        plot.mark(value, fraction, f"{100 * fraction:g} %: {quantity(value, unit_of(panel.column))}")
+    for fraction, value in zip(fractions, quantiles.tolist(), strict=False):
+        text = degrees_text(value) if is_angle(panel.column) else quantity(value, unit_of(panel.column))
+        plot.mark(shown_at(panel.column, value), fraction, f"{100 * fraction:g} %: {text}")
     view.hits(plot, values[order], shares, order)
     return plot
 

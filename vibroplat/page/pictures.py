@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from html import escape
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from vibroplat.page.orbits import Motions
 from vibroplat.page.panels import SIGNS, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
 from vibroplat.page.tables import fold, hint, rows_on_page, table_html
+from vibroplat.page.text import escape
 from vibroplat.page.view import View, axis_name, colour_classes, dashes, ends_of_scale, heading
 from vibroplat.results.picture import Facet, Picture
 

@@ -8,7 +8,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from vibroplat.page.pictures import picture_html
 from vibroplat.page.results import differences, find_results, parameters
 from vibroplat.page.run import ShownRun, shown_run
 from vibroplat.page.tables import align_lines, fold, hint, listing, parameters_html, table_html
+from vibroplat.page.text import escape
 from vibroplat.results.answer import first_failures, noted
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import Picture, finite
@@ -34,7 +34,7 @@ from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import sync_text
 from vibroplat.results.sheet import FURTHER, Row, Sheet
-from vibroplat.results.tables import replace_file, require_replaceable
+from vibroplat.results.tables import as_written, replace_file, require_replaceable
 
 #: How a page begins, whatever wrote it.
 BEGINS = b"<!doctype html"
@@ -88,7 +88,8 @@ def write_report(
     """
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
-    text = Report(find_results(directories), start, stop, mover, progress).page()
+    with as_written(*directories):
+        text = Report(find_results(directories), start, stop, mover, progress).page()
     replace_file(path, lambda file: file.write_text(text, encoding="utf-8", newline="\n"))
     return path
 

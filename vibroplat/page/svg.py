@@ -6,13 +6,13 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from html import escape
 from typing import Any
 
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN, display_unit, unit_of
 from vibroplat.config.digits import decimal, prefixed
+from vibroplat.page.text import escape
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
 

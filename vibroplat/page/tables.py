@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from html import escape
 from itertools import groupby
 from typing import Any
 
@@ -15,6 +14,7 @@ import pandas as pd
 from vibroplat.columns import display_name, unit_of
 from vibroplat.config.digits import MISSING, NEGLIGIBLE, PREFIXES, decimal, digits_of, given, places
 from vibroplat.page.svg import power_of_ten, unit_for
+from vibroplat.page.text import escape
 from vibroplat.results.answer import counted
 from vibroplat.results.labels import SUPPLY, capital
 from vibroplat.results.picture import finite

@@ -17,6 +17,7 @@ from vibroplat.results.files import commands_in, directory_of
 from vibroplat.results.labels import ABSCISSAE
 from vibroplat.results.result import Result
 from vibroplat.results.run import load
+from vibroplat.results.tables import as_written
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,7 +99,7 @@ def plot_results(
             nouns = " and ".join(map(noun_of, able))
             raise VibroplatError(f"--{option} {value}: no figure of {first} uses it; allowed: with {nouns}")
     written = []
-    with styled():
+    with styled(), as_written(*directories):
         for command in chosen:
             wanted = [kind for kind in kinds if kind in FIGURE_NAMES[command].split()]
             used = {option: value for option, value in given.items() if option in pictures_of(command).OPTIONS}

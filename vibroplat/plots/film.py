@@ -28,7 +28,7 @@ from vibroplat.plots.style import head, new_figure, styled
 from vibroplat.results.files import directory_of
 from vibroplat.results.picture import BLUE, CURVES, VERMILION
 from vibroplat.results.run import RunResult
-from vibroplat.results.tables import replace_file, require_replaceable
+from vibroplat.results.tables import as_written, replace_file, require_replaceable
 
 #: Duration of a frame (ms).
 FRAME = 50
@@ -76,6 +76,15 @@ def write_film(
     if out.suffix != ".gif":
         raise VibroplatError(f"--out {out}: not a film; allowed: a name that ends with .gif")
     require_replaceable(out, b"GIF")
+    with as_written(directory):
+        first, *others = _film(directory, start, stop, turns, frames)
+    look: dict[str, Any] = {"save_all": True, "append_images": others, "duration": FRAME, "loop": 0, "optimize": True}
+    replace_file(out, lambda file: first.save(file, format="gif", **look))
+    return out
+
+
+def _film(directory: Path, start: float | None, stop: float | None, turns: float, frames: int) -> list[Image.Image]:
+    """Return the pictures of a film; see :func:`write_film`."""
     run = run_of(RunResult.read(directory, "run"), start, stop)
     if run.scene is None:
         raise VibroplatError(f"{directory}: its configuration cannot be read; there is nothing to film")
@@ -88,10 +97,7 @@ def write_film(
     )
     with styled():
         figure, paint = _scenery(run.name, run.scene, table)
-        first, *others = _reduce_colours(_pictures(figure, paint, times))
-    look: dict[str, Any] = {"save_all": True, "append_images": others, "duration": FRAME, "loop": 0, "optimize": True}
-    replace_file(out, lambda file: first.save(file, format="gif", **look))
-    return out
+        return _reduce_colours(_pictures(figure, paint, times))
 
 
 def _pictures(figure: Figure, paint: Painter, times: FloatArray) -> list[Image.Image]:

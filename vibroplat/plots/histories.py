@@ -4,7 +4,8 @@ The spectrum of accelerations is that of amplitudes: of the last whole turns of 
 of the output grid, without the mean, weighted with Hann's window, it is the size of numpy's real FFT over half the sum
 of the weights. An oscillation that repeats within these turns so has its amplitude at its frequency, and nothing two
 lines away from it (Harris, On the use of windows for harmonic analysis, Proc. IEEE 66, 1978). Impacts make
-accelerations jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above.
+accelerations jump and have no upper frequency: amplitudes near half the sampling rate hold what lies above. With two
+samples of a turn or fewer the excitation itself would stand at another frequency, and there is no spectrum.
 """
 
 from __future__ import annotations
@@ -21,12 +22,14 @@ import pandas as pd
 
 from vibroplat.columns import COORDINATES, FORCES
 from vibroplat.config.coordinates import TURN
-from vibroplat.config.digits import quantity
+from vibroplat.config.digits import number, quantity
+from vibroplat.config.plausibility import MIN_SAMPLES_OF_SPECTRUM
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
 from vibroplat.plots.axes import FloatArray
 from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of, turn_edges, with_forces
+from vibroplat.results.answer import counted
 from vibroplat.results.run import RunResult
 
 _LOG = logging.getLogger("vibroplat")
@@ -38,6 +41,9 @@ BINS = 400
 #: Turns shown next to a whole run; turns kept in detail if no interval is given, which are shown if the motion does not
 #: repeat within them; and the minimum number of samples, which may need more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
+
+#: Distance of a time from the output grid that is round-off, over its step.
+OFF_GRID = 1e-3
 
 #: Speeds of both exciters, as in tables and as in figures.
 RATES, SPEEDS = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s"), ("speed_1_hz", "speed_2_hz")
@@ -107,6 +113,35 @@ class RunTables:
         turns = (self.shown["phi1_rad"] - self.shown["phi1_rad"].iloc[-1]).abs() / TURN
         rows = self.shown[turns <= shown_turns(self.summary)]
         return self.shown if self.chosen or len(rows) < FEWEST else rows
+
+    @cached_property
+    def sample_rate(self) -> float:
+        """Rows of the output grid in a second."""
+        if self.scene is not None:
+            return self.scene.output.sample_rate_hz
+        return 1.0 / float(np.median(np.diff(self.shown["t_s"].unique())))
+
+    @cached_property
+    def samples(self) -> pd.DataFrame:
+        """Rows shown that are on the output grid, over the last whole turns shown, or over all without one.
+
+        Times are compared with multiples of the step, which is as exact late in a run as at its beginning.
+        """
+        rows = self.shown.drop_duplicates("t_s", keep="last")
+        places = rows["t_s"] * self.sample_rate
+        grid = rows[(places - places.round()).abs() < OFF_GRID]
+        turns = math.floor(self.turns * (1.0 + 1e-9))
+        count = round(turns / self.turns * float(np.ptp(rows["t_s"])) * self.sample_rate) if turns else len(grid)
+        return grid.tail(count)
+
+    @property
+    def too_coarse(self) -> str:
+        """Which samples a spectrum lacks; "" if there are enough."""
+        fastest = float(self.shown[[*SPEEDS]].abs().max().max())
+        each = self.sample_rate / fastest if fastest > 0.0 else math.inf
+        if each <= MIN_SAMPLES_OF_SPECTRUM:
+            return f"{number(each, 2)} samples a turn"
+        return counted(len(self.samples), "sample") if len(self.samples) < FEWEST else ""
 
     @property
     def arm(self) -> float:
@@ -222,7 +257,7 @@ def lines_of(runs: Sequence[RunTables], names: Sequence[str]) -> dict[str, list[
     """
     groups: dict[str, list[tuple[RunTables, str, str]]] = {}
     for axis in "yx":
-        for number, run in enumerate(runs):
+        for place, run in enumerate(runs):
             begin = f"acceleration_{axis}_"
             for column in (column for column in map(str, run.shown) if column.startswith(begin)):
                 point = column.removeprefix(begin).removesuffix("m_per_s2").rstrip("_")
@@ -234,23 +269,17 @@ def lines_of(runs: Sequence[RunTables], names: Sequence[str]) -> dict[str, list[
                         of[k] = (run, other, f"{label} = {who}")
                         break
                 else:
-                    of.append((run, column, f"{names[number]}, {who}" if names else who))
+                    of.append((run, column, f"{names[place]}, {who}" if names else who))
     sizes = {axis: max(float(run.shown[column].abs().max()) for run, column, _ in of) for axis, of in groups.items()}
     return {axis: of for axis, of in groups.items() if sizes[axis] >= MATTERS * max(sizes.values())}
 
 
 def spectrum_of(run: RunTables, column: str) -> tuple[FloatArray, FloatArray]:
     """Return frequencies (Hz) and amplitudes of a column over the last whole turns shown, or over all without one."""
-    rows = run.shown.drop_duplicates("t_s", keep="last")
-    step = float(np.median(np.diff(rows["t_s"])))
-    places = rows["t_s"] / step
-    grid = rows[(places - places.round()).abs() < 1e-3]
-    turns = math.floor(run.turns * (1.0 + 1e-9))
-    count = round(turns / run.turns * float(np.ptp(rows["t_s"])) / step) if turns else len(grid)
-    values = grid[column].tail(count).to_numpy(dtype=float)
+    values = run.samples[column].to_numpy(dtype=float)
     weights = 0.5 - 0.5 * np.cos(TURN * np.arange(len(values)) / len(values))
     sizes: FloatArray = np.abs(np.fft.rfft((values - values.mean()) * weights)) / (0.5 * weights.sum())
-    return np.asarray(np.fft.rfftfreq(len(values), step), dtype=float), sizes
+    return np.asarray(np.fft.rfftfreq(len(values), 1.0 / run.sample_rate), dtype=float), sizes
 
 
 def peaks_of(frequencies: FloatArray, sizes: FloatArray) -> str:

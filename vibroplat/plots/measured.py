@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE_COLUMN, display_name
+from vibroplat.columns import display_name, is_angle
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, percent
 from vibroplat.config.schema import MAX_SIZE, did_you_mean
 from vibroplat.errors import TableError
@@ -130,8 +130,9 @@ class Measured:
 
     def compare(self, column: str, x: str, curves: Collection[Curve]) -> None:
         """Store the error of a column relative to the nearest of some curves over ``x``, unless it is known."""
-        if {x, column} <= {*self.table.columns} and column not in (x, PHASE_COLUMN, *self.errors):
-            errors = [relative_error(curve_of(self.table, column, x), curve) for curve in curves]
+        if {x, column} <= {*self.table.columns} and column not in (x, *self.errors):
+            compared = () if is_angle(column) else curves
+            errors = [relative_error(curve_of(self.table, column, x), curve) for curve in compared]
             self.errors[column] = min((error for error in errors if error is not None), default=np.nan)
 
     def difference(self, column: str) -> str:
@@ -159,8 +160,10 @@ class Measured:
         shift = f"; {self.shifted}" if self.shifted else ""
         what = "(RMS of the difference / RMS of the measured values)"
         nothing = "is not compared: fewer than two of its values lie beside a curve, or all are 0"
+        angle = "is not compared: it is an angle, whose zero is arbitrary, and has no relative error"
+        reasons = {column: angle if is_angle(column) else nothing for column in self.errors}
         texts = {column: self.difference(column) for column in self.errors}
-        lines = {column: f"{text} {what}" if text else nothing for column, text in texts.items()}
+        lines = {column: f"{text} {what}" if text else reasons[column] for column, text in texts.items()}
         return [f"{self.path.name}: {display_name(column)} {line}{shift}" for column, line in lines.items()]
 
     def draw(self, axis: Axes, x: str, column: str) -> None:

@@ -14,10 +14,11 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MaxNLocator
 
-from vibroplat.columns import quantity_of, unit_of
+from vibroplat.columns import is_angle, quantity_of, unit_of
 from vibroplat.config import digits
+from vibroplat.config.circular import ranked, value_text
 from vibroplat.config.coordinates import TURN
-from vibroplat.plots.axes import in_decades
+from vibroplat.plots.axes import in_decades, in_units
 from vibroplat.plots.strips import PALE
 from vibroplat.results.labels import halfway, in_ratios, key_label, key_name
 from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series
@@ -180,8 +181,9 @@ def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> No
     """Draw each point in the order of its values, in the colour of its class, and rings at 5, 50 and 95 %."""
     axis, panel = cell[:2]
     own = picture.points.iloc[np.concatenate([one.places for one in series])].dropna(subset=[panel.column])
-    own = own.sort_values(panel.column, kind="stable")
-    values, percent = own[panel.column].to_numpy(dtype=float), 100.0 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
+    values = own[panel.column].to_numpy(dtype=float)
+    order, quantiles = ranked(panel.column, values, np.divide(QUANTILES, 100.0))
+    own, values, percent = own.iloc[order], values[order], 100.0 * (np.arange(len(own)) + 0.5) / max(len(own), 1)
     size = 2.4 if len(own) <= MANY else 1.2
     for name, (colour, _) in panel.classes.items():
         chosen = (own[panel.by] == name).to_numpy(dtype=bool)
@@ -193,10 +195,14 @@ def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> No
     if len(own) and np.ptp(values) > 0.0:
         largest, factor = float(np.abs(values).max()), quantity_of(panel.column).factor
         unit = unit_of(panel.column)
-        for quantile, value in zip(QUANTILES, np.percentile(values, QUANTILES), strict=True):
+        angles = is_angle(panel.column)
+        for quantile, number in zip(QUANTILES, quantiles.tolist(), strict=False):
+            value = float(in_units(number, panel.column)) if angles else number
+            text = value_text(panel.column, number, 3)
+            if not angles:
+                text = digits.quantity(value / factor, unit, size=largest / factor)
             left = value > 0.5 * (values[0] + values[-1])
             axis.plot(value, quantile, "o", ms=5.0, mfc="white", mec=BLUE)
-            text = digits.quantity(float(value) / factor, unit, size=largest / factor)
             axis.annotate(
                 text, (value, quantile), (-6.0 if left else 6.0, 0.0), fontsize=8.0, color=BLUE,
                 textcoords="offset points", ha="right" if left else "left", va="center",

@@ -13,9 +13,20 @@ import pandas as pd
 from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
 from vibroplat.config import digits
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.plausibility import MIN_SAMPLES_OF_SPECTRUM
 from vibroplat.errors import TableError
 from vibroplat.plots.headlines import headline
-from vibroplat.plots.histories import SPEEDS, RunTables, lines_of, peaks_of, run_of, spectrum_of, turns_of, whole_of
+from vibroplat.plots.histories import (
+    FEWEST,
+    SPEEDS,
+    RunTables,
+    lines_of,
+    peaks_of,
+    run_of,
+    spectrum_of,
+    turns_of,
+    whole_of,
+)
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.results import picture
 from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
@@ -221,6 +232,13 @@ def missing(kind: str, shown: RunPicture) -> str:
         return "has no motion along the deck, as its scene has no section transport"
     if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
         return "has no accelerations; simulate it with --set output.accelerations=true"
+    for run in shown.runs if kind == "spectrum" else ():
+        if run.too_coarse:
+            return (
+                f"has too few samples for a spectrum ({run.too_coarse} of run {run.name} are shown; needed: more than "
+                f"{MIN_SAMPLES_OF_SPECTRUM:g} a turn, and {FEWEST}); choose a longer interval, or simulate it with a "
+                "higher output.sample_rate_hz"
+            )
     return "needs --data FILE" if kind == "measured" and shown.data is None else ""
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 from vibroplat.config.digits import quantity
-from vibroplat.config.plausibility import HINT
+from vibroplat.config.plausibility import WARNING, split_severity
 
 #: Most lines that a command prints without ``-v``, the width of notes, and of lines with remarks (characters).
 MAX_LINES, WIDTH, WIDEST = 12, 100, 110
@@ -63,15 +63,19 @@ class Answer(NamedTuple):
     def brief(self, room: int = MAX_LINES) -> list[str]:
         """Return the answer in at most ``room`` lines: headline, short lines, and as many notes as there is room for.
 
-        Answers of former versions are as long as they are.
+        All warnings are among them: they take the room of other lines, or more than that. Answers of former versions
+        are as long as they are.
         """
         if not self.headline:
             return self.full()
         lines = [self.headline, *(f"  {line}" for line in self.short)]
-        if len(lines) + bool(self.notes) > room:
-            count = room - 1
-            return [*lines[:count], f"  … {len(lines) - count + len(self.notes)} more lines: -v prints them"]
-        return lines + notes_within(self.notes, room - len(lines))
+        others = [note for note in self.notes if not note.startswith(WARNING)]
+        warnings = [line for note in self.notes if note not in others for line in wrapped(note)]
+        left = room - len(warnings)
+        if len(lines) + bool(others) > left:
+            count = max(left - 1, 1)
+            return [*lines[:count], f"  … {len(lines) - count + len(others)} more lines: -v prints them", *warnings]
+        return lines + warnings + notes_within(others, left - len(lines))
 
     def full(self) -> list[str]:
         """Return all of it but the failures."""
@@ -98,7 +102,7 @@ def first_failures(lines: Sequence[str], total: str = "") -> list[str]:
 
 def short_line(label: str, value: str, more: str = "") -> str:
     """Return a short line: a label, a value, and those of the remarks that qualify it for which there is room."""
-    return fitting(f"{label:<{LABEL}}{value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2)
+    return fitting(f"{label:<{LABEL - 2}}  {value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2)
 
 
 def fitting(begin: str, remarks: Iterable[str], width: int = WIDEST) -> str:
@@ -134,25 +138,28 @@ def of_both(values: Sequence[float], unit: str) -> str:
 
 def notes_within(notes: Sequence[str], room: int) -> list[str]:
     """Return the lines of as many notes as have room, then how many more there are."""
-    wrapped = [
-        textwrap.wrap(f"  {noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False) for note in notes
-    ]
-    fits = [wrapped[:count] for count in range(len(wrapped) + 1)]
-    whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(wrapped)) <= room]
+    parts = [wrapped(note) for note in notes]
+    fits = [parts[:count] for count in range(len(parts) + 1)]
+    whole = [few for few in fits if sum(map(len, few)) + (len(few) < len(parts)) <= room]
     shown = whole[-1] if whole else []
     lines = [line for note in shown for line in note]
-    left = len(wrapped) - len(shown)
+    left = len(parts) - len(shown)
     if left and not shown:
-        begin = textwrap.shorten(" ".join(wrapped[0]), WIDTH - 20, placeholder=" …")
+        begin = textwrap.shorten(" ".join(parts[0]), WIDTH - 20, placeholder=" …")
         lines.append(f"  {begin} (-v)" if left == 1 else f"  {begin} ({left - 1} more: -v)")
     elif left:
         lines.append(f"  {counted(left, 'more note')}: -v")
     return lines
 
 
+def wrapped(note: str) -> list[str]:
+    """Return the lines of a note."""
+    return textwrap.wrap(f"  {noted(note)}", WIDTH, subsequent_indent=" " * 8, break_on_hyphens=False)
+
+
 def noted(note: str) -> str:
     """Return a note with what it is."""
-    return note if note.startswith(HINT) else f"note: {note}"
+    return note if split_severity(note)[0] else f"note: {note}"
 
 
 class Numbers(dict[str, Any]):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -29,8 +29,8 @@ _LOG = logging.getLogger("vibroplat")
 #: Rows of a sheet of Excel, with the one of names.
 SHEET_ROWS = 2**20
 
-#: Finished Parquet files by the names of tables, and contents of JSON files by name.
-Files = Mapping[str, Path]
+#: Functions that yield tables in parts, by the names of the tables, and contents of JSON files by name.
+Sources = Mapping[str, "Callable[[], Iterable[pd.DataFrame]]"]
 Documents = Mapping[str, Any]
 
 
@@ -41,23 +41,24 @@ def require_writer(form: str) -> str:
     return form
 
 
-def exports(form: str, command: str, tables: Files, documents: Documents) -> dict[str, Callable[[Path], object]]:
+def exports(form: str, command: str, tables: Sources, documents: Documents) -> dict[str, Callable[[Path], object]]:
     """Return functions that write the files of an export by their names; none for formats that are no export."""
     if require_writer(form) == "xlsx":
         return {f"{command}.xlsx": partial(_write_book, tables, documents)}
     if form == "mat":
         return {f"{command}.mat": lambda path: write_mat(path, _whole(tables), _flat(documents))}
-    return {f"{name}.csv": partial(_write_lines, file) for name, file in tables.items() if form == "csv-semicolon"}
+    return {f"{name}.csv": partial(_write_lines, parts) for name, parts in tables.items() if form == "csv-semicolon"}
 
 
-def _parts(file: Path) -> Iterator[pd.DataFrame]:
+def parts_of(file: Path) -> Iterator[pd.DataFrame]:
+    """Yield the parts of a Parquet file that was just written."""
     with file.open("rb") as opened:
         yield from read_row_groups(opened, None, last=False)
 
 
-def _write_lines(file: Path, path: Path) -> None:
+def _write_lines(parts: Callable[[], Iterable[pd.DataFrame]], path: Path) -> None:
     """Write a table as CSV that a spreadsheet opens where the decimal comma is usual."""
-    for number, part in enumerate(_parts(file)):
+    for number, part in enumerate(parts()):
         look: dict[str, Any] = {"sep": ";", "decimal": ",", "index": False, "header": number == 0}
         part.to_csv(path, mode="a" if number else "w", encoding="utf-8" if number else "utf-8-sig", **look)
 
@@ -71,13 +72,13 @@ def _cell(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else None if value is pd.NA else value
 
 
-def _write_book(tables: Files, documents: Documents, path: Path) -> None:
+def _write_book(tables: Sources, documents: Documents, path: Path) -> None:
     """Write a workbook; a table that is longer than a sheet is cut, which a line says."""
     book = import_module("openpyxl").Workbook(write_only=True)
     described: dict[str, tuple[str, str]] = {}
-    for name, file in tables.items():
+    for name, parts in tables.items():
         sheet, written = book.create_sheet(name[:31]), 1
-        for part in _parts(file):
+        for part in parts():
             if written == 1:
                 sheet.append(list(map(str, part)))
                 meanings = part.attrs.get("meanings", {})
@@ -106,8 +107,8 @@ def _flat(documents: Documents) -> dict[str, dict[str, Any]]:
     return {name: {k: v for k, v in of.items() if not isinstance(v, dict)} for name, of in trees.items()}
 
 
-def _whole(tables: Files) -> dict[str, pd.DataFrame]:
-    return {name: pd.concat([*_parts(file)], ignore_index=True) for name, file in tables.items()}
+def _whole(tables: Sources) -> dict[str, pd.DataFrame]:
+    return {name: pd.concat([*parts()], ignore_index=True) for name, parts in tables.items()}
 
 
 def write_mat(path: Path, tables: Mapping[str, pd.DataFrame], documents: Mapping[str, Mapping[str, Any]]) -> None:

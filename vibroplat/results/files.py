@@ -17,6 +17,7 @@ import json
 import uuid
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from vibroplat.config.schema import RENAMED_KEYS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import renamed
-from vibroplat.results.exports import exports
+from vibroplat.results.exports import exports, parts_of
 from vibroplat.results.locks import replacement_lock
 from vibroplat.results.renamed import rename_keys, rename_keys_of, rename_summary, rename_table
 from vibroplat.results.tables import (
@@ -33,6 +34,7 @@ from vibroplat.results.tables import (
     Format,
     Table,
     TableFile,
+    as_written,
     json_writer,
     new_file,
     one_line_errors,
@@ -110,14 +112,14 @@ def export_result(directory: Path, command: str, form: str) -> list[Path]:
     Raises
     ------
     TableError
-        There is no such result, its tables are no Parquet files, or a file cannot be written.
+        There is no such result, its tables are no Parquet files or damaged, or a file cannot be written.
     """
     saved = SavedFiles(directory, command)
-    tables = {name: saved.directory / f"{name}.parquet" for name in saved.names("parquet")}
+    tables = {name: partial(saved.parts, name) for name in saved.names("parquet")}
     if not tables:
         raise TableError(f"{saved.directory} has no Parquet tables; allowed: a result of --format parquet")
     documents = {name: saved.document(name) for name in saved.names("json")}
-    with ExitStack() as stack:
+    with ExitStack() as stack, as_written(saved.directory):
         files = {
             saved.directory / name: stack.enter_context(new_file(saved.directory / name, write))
             for name, write in exports(form, command, tables, documents).items()
@@ -146,7 +148,8 @@ def _write_temporaries(
             file = stack.enter_context(TableFile(directory, name, form))
             file.extend(table)
         finished[name] = files[file.path] = file.finish()
-    for name, write in exports(form, command, finished, documents).items():
+    sources = {name: partial(parts_of, path) for name, path in finished.items()}
+    for name, write in exports(form, command, sources, documents).items():
         files[directory / name] = stack.enter_context(new_file(directory / name, write))
     for name, value in documents.items():
         path = directory / f"{name}.json"
@@ -205,7 +208,8 @@ class SavedFiles:
         if columns is not None:
             former = RENAMED_KEYS | (renamed.COLUMNS if self._is_former else {})
             columns = [*columns, *(old for old, new in former.items() if new in columns)]
-        return map(self._present, read_parts(self.directory, name, self._digests, columns, last=last))
+        file = self._former_tables.get(name, name)
+        return map(self._present, read_parts(self.directory, file, self._digests, columns, last=last))
 
     def _present(self, table: pd.DataFrame) -> pd.DataFrame:
         """Return a table with present names."""

@@ -12,6 +12,7 @@ import logging
 import os
 import platform
 import re
+import stat
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -61,6 +62,7 @@ class Lock:
                 self._lock.acquire(timeout=seconds)
         except Timeout:
             raise TableError(f"{self._path.parent} is in use by {self._holder()}") from None
+        share(self._path)
         self._write(f"{os.getpid()}\n{platform.node()}\n{datetime.now(UTC).isoformat(timespec='seconds')}\n")
 
     def release(self) -> None:
@@ -81,6 +83,15 @@ class Lock:
             return "another process"
         moment = f" since {since[0]}" if since and since[0][:4].isdecimal() and "T" in since[0] else ""
         return f"process {process} on {host}{moment}"
+
+
+def share(path: Path) -> None:
+    """Let those write to a file who may write to its folder: its group is the folder's. Only its owner can do so."""
+    with suppress(OSError):
+        folder, status = path.parent.stat(), path.stat()
+        if status.st_gid != folder.st_gid and hasattr(os, "chown"):
+            os.chown(path, -1, folder.st_gid)
+        path.chmod(stat.S_IMODE(status.st_mode) | folder.st_mode & (stat.S_IRGRP | stat.S_IWGRP))
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -11,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Self
 from vibroplat.config.arguments import FileName, validated
 from vibroplat.config.kinds import noun_of
 from vibroplat.config.scene import Scene
-from vibroplat.errors import ConfigError, TableError
+from vibroplat.errors import ConfigError, TableError, escape_controls
 from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.results.answer import Answer
 from vibroplat.results.files import SCHEMA, STORE, SavedFiles, commands_in, directory_of, write_result
 from vibroplat.results.provenance import provenance
-from vibroplat.results.tables import FORMATS, Format, result_directory
+from vibroplat.results.tables import FORMATS, Format, as_written, result_directory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -89,9 +90,14 @@ class Result:
         if (directory_of(path, command) / STORE).exists() and command not in commands_in(path):
             raise TableError(f"{path} holds unfinished work; continue it with `vibroplat {command} --resume`")
         result = cls.__new__(cls)
-        result.command, result.saved = command, SavedFiles(path, command)
+        with as_written(path):
+            result.command, result.saved = command, SavedFiles(path, command)
         result.check = result.saved.provenance.get("check")
         return result
+
+    def _as_written(self) -> AbstractContextManager[None]:
+        """Name the directory in errors at what was read from it."""
+        return nullcontext() if self.directory is None else as_written(self.directory)
 
     # -- what it holds ------------------------------------------------------------------------------
 
@@ -238,7 +244,7 @@ class Result:
 
     def __repr__(self) -> str:
         """Return what the command prints."""
-        return f"vibroplat {self.command} {self.name}\n{self.answer}"
+        return escape_controls(f"vibroplat {self.command} {self.name}\n{self.answer}")
 
     def _repr_html_(self) -> str:
         """Return what the command prints, for a notebook."""
@@ -261,7 +267,8 @@ class Result:
         TableError
             There is nothing to draw.
         """
-        return figure_of(self, kind, **options)
+        with self._as_written():
+            return figure_of(self, kind, **options)
 
     @validated(directory=FileName, form=Format)
     def save(self, directory: str | Path, form: Format = "parquet") -> Path:
@@ -279,7 +286,8 @@ class Result:
         tables = {name: self.tables.parts(name) for name in self.tables}
         more = {"documents": self.documents, "configurations": self.configurations}
         origin = self.provenance | {"schema": SCHEMA}  # one that was loaded may have another
-        write_result(path, self.command, origin, tables, form=form, **more)
+        with self._as_written():
+            write_result(path, self.command, origin, tables, form=form, **more)
         return path
 
 

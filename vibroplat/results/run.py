@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from vibroplat.columns import split, unit_of
 from vibroplat.config.arguments import FileName, validated
+from vibroplat.config.engine_choice import engine_note
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError, TableError
@@ -44,7 +45,7 @@ from vibroplat.results.provenance import provenance
 from vibroplat.results.result import Result, Tables
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import Sheet, all_lines, short_lines
-from vibroplat.results.tables import replace_file, require_replaceable
+from vibroplat.results.tables import as_written, replace_file, require_replaceable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,9 +111,12 @@ class RunResult(Result):
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Outcome and measures; in the files also :attr:`notes`."""
-        summary = self._read.document("summary")
+        path, summary = self._read.directory / "summary.json", self._read.document("summary")
         if not isinstance(summary, dict):
-            raise TableError(f"{self._read.directory / 'summary.json'} is not the summary of a run")
+            raise TableError(f"{path} is not the summary of a run")
+        if self.known_scene is not None:
+            with as_written(path):
+                _tell(self.known_scene, summary, self.origin)
         return summary
 
     @cached_property
@@ -197,15 +201,17 @@ class RunResult(Result):
             rows.append([self.summary[name], unit_of(name), *peak, known[name].text])
         names = ["value", "unit", "whole_run", "at_s", "at_hz", "meaning"]
         table = pd.DataFrame(rows, [name for name in known if name in self.summary], names)
-        return table.astype(dict.fromkeys(("value", "whole_run", "at_s", "at_hz"), float))
+        with self._as_written():
+            return table.astype(dict.fromkeys(("value", "whole_run", "at_s", "at_hz"), float))
 
     @property
     def final_state(self) -> FloatArray:
         """Full state at the end, shape (14,), its exciter angles with all their turns."""
         if self._end is None:
             self._end = np.zeros(FULL_SIZE if self.scene.transport is None else MOVING_SIZE)
-            for name, index in state_places(self.scene).items():
-                self._end[index] = self.trajectory[name].iloc[-1]
+            with self._as_written():
+                for name, index in state_places(self.scene).items():
+                    self._end[index] = self.trajectory[name].iloc[-1]
         return self._end
 
     def __call__(self, times: npt.ArrayLike) -> pd.DataFrame:
@@ -304,15 +310,7 @@ class RunResult(Result):
     @property
     def answer(self) -> Answer:
         """What ``vibroplat run`` prints."""
-        sheet = Sheet(self.scene, self.summary)
-        detail = str(self.summary["detail"]).partition(", state [")[0]
-        return Answer(
-            all_lines(sheet, self.origin),
-            notes=by_severity(self.notes),
-            failures=[] if self.outcome == "ok" else [f"{self.outcome}: {detail}"],
-            headline=headline(self.scene, sheet.numbers),
-            short=short_lines(sheet),
-        )
+        return _tell(self.scene, self.summary | {"notes": self.notes}, self.origin)
 
     @cached_property
     def notes(self) -> list[str]:
@@ -373,6 +371,19 @@ class RunResult(Result):
         tables = {"trajectory": trajectory, "events": self.events}
         replace_file(file, lambda path: write_mat(path, tables, self.documents))
         return file
+
+
+def _tell(scene: Scene, summary: Mapping[str, Any], origin: dict[str, Any] | None) -> Answer:
+    """Return what ``vibroplat run`` prints of a summary with notes."""
+    sheet, outcome = Sheet(scene, summary), summary["outcome"]
+    detail = str(summary["detail"]).partition(", state [")[0]
+    return Answer(
+        all_lines(sheet, origin),
+        notes=[engine_note(str(summary["engine"])), *by_severity([str(note) for note in summary["notes"]])],
+        failures=[] if outcome == "ok" else [f"{outcome}: {detail}"],
+        headline=headline(scene, sheet.numbers),
+        short=short_lines(sheet),
+    )
 
 
 @validated(directory=FileName, command=str | None)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from vibroplat.columns import describe_sync
+from vibroplat.config.circular import degrees_text
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
@@ -63,7 +63,10 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
     """Return the motion of exciters that turn; ``off`` are the numbers of those whose motor is off."""
     frequency, named = summary["excitation_frequency_hz"], synchronization(summary)
     pace = quantity(frequency, "Hz")
-    runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: "coasts with the motors off"}[len(off)]
+    coasts = "coasts with the motors off"
+    if scene.braked(summary["measured_from_s"], summary["measured_to_s"]):
+        coasts = "is braked by the motors (supply 0 Hz)"
+    runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: coasts}[len(off)]
     speeds = speeds_of_both(summary)
     slip = max((motor.slip for motor in slow_motors(scene, summary)), default=0.0)
     below = f", {'up to ' * bool(speeds)}{percent(slip)} below synchronous speed" * bool(slip)
@@ -84,7 +87,8 @@ def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool,
     if not any(driven):
         ripples = [summary.get(f"speed_ripple_{n}_hz") or 0.0 for n in (1, 2)]
         swing = max(ripples) * TURN > AT_REST * scene.speed_scale
-        return f"the exciters {'swing out' if swing else 'have come to rest'}, motors off"
+        motors = "braking at 0 Hz" if scene.braked(summary["measured_from_s"], summary["measured_to_s"]) else "off"
+        return f"the exciters {'swing out' if swing else 'have come to rest'}, motors {motors}"
     if seconds * scene.speed_scale < ENOUGH * TURN:
         return f"not a whole turn in the measured {quantity(seconds, 's')}: a longer run.duration_s helps"
     speeds = [mean + 0.5 * sign * summary["frequency_split_hz"] for sign in (1.0, -1.0)]
@@ -99,12 +103,22 @@ def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Return what exciters do in the measured part if that is no steady operation; "" if it is."""
     driven = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
     if not any(driven):
-        return "while it coasts down"
+        braked = scene.braked(summary["measured_from_s"], summary["measured_to_s"])
+        return "while its motors brake" if braked else "while it coasts down"
     speeds = speeds_of_both(summary) or [0.0, 0.0]
     for n, on in enumerate(driven, 1):
         if not (on or are_alike(speeds)) and (summary.get(f"speed_ripple_{n}_hz") or 0.0) > STOPPING * max(speeds):
             return f"while exciter {n} stops"
     return "" if summary.get("measured_turns") or driven == (False, True) else "without a whole turn"
+
+
+def kind_of_motion(measures: Mapping[str, Any], period: int, transient: float | None) -> str:
+    """Name the kind of a motion in the measured part; ``transient`` is that part of its stroke, None if not steady."""
+    if not measures["measured_turns"]:
+        return ""
+    if transient is None or transient > SETTLED:
+        return "undecided"
+    return "periodic" if period else "non-periodic"
 
 
 def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -136,4 +150,4 @@ def phase_text(summary: Mapping[str, Any]) -> str | None:
     if summary["phase_coherence"] is not None and summary["phase_coherence"] < COHERENCE:
         return "drifts"
     phase = summary["phase_difference_rad"]
-    return None if phase is None else quantity(math.degrees(phase), "°")
+    return None if phase is None else degrees_text(phase)

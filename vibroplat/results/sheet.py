@@ -320,7 +320,10 @@ class Sheet:
     def _driven(self) -> tuple[str, ...]:
         """Return the short line of the motors that are on."""
         s = self.numbers
-        driven = [n for n, is_on in enumerate(self.scene.driven(s["measured_from_s"], s["measured_to_s"]), 1) if is_on]
+        measured = s["measured_from_s"], s["measured_to_s"]
+        driven = [n for n, is_on in enumerate(self.scene.driven(*measured), 1) if is_on]
+        if self.scene.braked(*measured) and s["measured_turns"]:
+            driven = [1, 2]
         powers, slips, ratios = (
             [value for n in driven if (value := s[name.format(n)]) is not None]
             for name in ("motor_power_{}_mean_w", "slip_{}", "torque_ratio_{}")
@@ -354,20 +357,24 @@ class Sheet:
         if speeds and name == "none":
             pace = Row("speeds", " / ".join(quantity(speed, "Hz", largest=max(speeds)) for speed in speeds))
         at, work, moved = s["synchronized_at_s"], self._text("start_energy_j"), s["stroke_change"] or 0.0
+        begins = s["begins_s"] or 0.0
+        passed, steadied = (None if time is None else time - begins for time in (at, self.steady))
         since, steady = (
             "" if time is None else f"after {quantity(time, 's', digits=2)}" if time else "from the start"
-            for time in (at, self.steady)
+            for time in (passed, steadied)
         )
-        switched = self._since(at) if at else ""
-        in_step = Row("in step", switched or since, f"motor work {work}" * bool(at and not switched))
-        started = ("start", quantity(at, "s"), f"until synchronized, {work} of motor work")
+        switched = self._since(at) if passed else ""
+        in_step = Row("in step", switched or since, f"motor work {work}" * bool(passed and not switched))
+        started = ("start", quantity(passed, "s"), f"until synchronized, {work} of motor work")
+        if begins:
+            started = ("in step", quantity(passed, "s"), f"after it began, {work} of motor work")
         if switched:
             seconds, after, switch = switched.partition(AFTER)
             started = ("in step again", seconds, f"{after.strip()} {switch}")
         return [
             Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
             pace,
-            in_step if s["captured_by"] or not at else in_step._replace(short=started),
+            in_step if s["captured_by"] or not passed else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),
             Row("motion repeats", _repeats(s["period"]), f"strokes change by {percent(moved)}" * (moved > SETTLED)),
         ]

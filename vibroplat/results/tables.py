@@ -8,6 +8,7 @@ import json
 import math
 import os
 import re
+import secrets
 import stat
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -16,10 +17,11 @@ from io import BufferedReader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
-from vibroplat.errors import TableError
+from vibroplat.errors import TableError, VibroplatError
 from vibroplat.frames import ArrayTable, CategoryColumn, pd, share_descriptions
-from vibroplat.results.locks import is_gone, mark
+from vibroplat.results.locks import is_gone, mark, share
 from vibroplat.system.interrupts import unfinished, watching
+from vibroplat.system.memory import is_short_of_memory
 
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
@@ -195,6 +197,24 @@ def open_file(path: Path, digests: Mapping[str, str] | None) -> Iterator[Buffere
         raise TableError(f"{path} cannot be read: {reason}") from None
 
 
+@contextmanager
+def as_written(*places: Path) -> Iterator[None]:
+    """Turn errors at contents that no command writes into one line about their files.
+
+    Readers check what they need, but files that somebody has changed may hold anything.
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, (VibroplatError, OSError)) or is_short_of_memory(error):
+            raise
+        files, reason = ", ".join(map(str, places)), f"{type(error).__name__}: {error}"
+        raise TableError(
+            f"{files} cannot be used ({reason}): not as vibroplat writes it, or an error of vibroplat; "
+            "repeat the command that wrote it"
+        ) from error
+
+
 class TableFile:
     """A table that is written part by part, with one of them in memory at a time.
 
@@ -267,6 +287,11 @@ class TableFile:
             if self._parquet is not None:
                 self._parquet.close()
         return self._temporary
+
+    def clear(self) -> None:
+        """Begin anew, with no part."""
+        self.__exit__()
+        self._stack, self._temporary, self._parquet = ExitStack(), None, None
 
     def __enter__(self) -> Self:
         if self._form == "parquet":
@@ -376,12 +401,13 @@ def _temporary(path: Path) -> Iterator[Path]:
     """
     with ExitStack() as stack:
         with watching():
-            handle, name = tempfile.mkstemp(prefix=f".{path.stem}-{mark()}", suffix=path.suffix, dir=path.parent)
-            stack.enter_context(unfinished(temporary := Path(name)))
+            temporary = path.with_name(f".{path.stem}-{mark()}{secrets.token_hex(4)}{path.suffix}")
+            handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+            stack.enter_context(unfinished(temporary))
+            share(temporary)
         try:
             with os.fdopen(handle) as file:
                 now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, of another machine perhaps
-            temporary.chmod(0o644)
             for old in path.parent.glob(f".{path.stem}-*"):
                 rest = old.name.removeprefix(f".{path.stem}-")
                 with suppress(FileNotFoundError):  # another process has removed it

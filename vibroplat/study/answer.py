@@ -242,8 +242,10 @@ def _legend(good: pd.DataFrame) -> Iterator[str]:
     """Yield what the machine does in each kind of synchronization."""
     known = [*sync_counts(good)]
     if [sync for _, sync, _ in known] == ["intermediate"]:
-        phases = np.degrees(good[PHASE_COLUMN].astype(float))
-        yield f"always intermediate: phase difference {interval(phases.min(), phases.max(), '°')}"
+        phases = np.degrees(good[PHASE_COLUMN].astype(float))  # none is near 0 or 180, so that each side is an interval
+        sides = [side for side in (phases[phases < 0.0], phases[phases >= 0.0]) if len(side)]
+        ranges = " and ".join(interval(side.min(), side.max(), "°") for side in sides)
+        yield f"always intermediate: phase difference {ranges}"
         return
     named = [describe_sync(sync, rotation) for rotation, sync, _ in known if sync != "intermediate"]
     texts = [f"{name}: not synchronized" if name == "none" else name for name in named]

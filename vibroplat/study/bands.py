@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns, display_name, indexed_name, unit_of
+from vibroplat.config.circular import wrap
 from vibroplat.config.digits import given, together
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.results.answer import in_columns
@@ -102,7 +103,7 @@ def _jump_rows(rows: pd.DataFrame | Rows) -> list[tuple[int, int]]:
         return []
     sync = np.asarray(rows["sync"], dtype=object)
     synchronized = np.where(pd.isna(sync), np.nan, sync != "none").astype(float)
-    turned = np.angle(np.exp(1j * np.diff(np.where(synchronized == 1.0, phase, np.nan)[known])))
+    turned = wrap(np.diff(np.where(synchronized == 1.0, phase, np.nan)[known]))
     steps, shift = np.abs(np.diff(places[known])), RELATIVE_FREQUENCY_JUMP * frequency[known][1:]
     if key == SUPPLY:
         shift = FREQUENCY_JUMP * steps * np.median(frequency[known] / places[known])

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from vibroplat.columns import PHASE_COLUMN, describe_sync
+from vibroplat.config.circular import beyond
 from vibroplat.frames import pd
 from vibroplat.results import picture
 from vibroplat.results.labels import key_name
@@ -93,11 +94,6 @@ def _range_of(table: pd.DataFrame, column: str) -> float:
     return float(np.ptp([0.0, *values[np.isfinite(values)]]))
 
 
-def _size_of(change: Any, column: str) -> Any:
-    """Return how large a change is; of phase differences on their circle."""
-    return np.abs(np.angle(np.exp(1j * change)) if column == PHASE_COLUMN else change)
-
-
 def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.DataFrame) -> Iterator[picture.Jump]:
     """Yield the jumps of a branch in the columns in which they are seen, but those that another way has as well."""
     places, over = one.rows.index.to_numpy(), one.rows[key_of(one.rows)].to_numpy(dtype=float)
@@ -106,8 +102,9 @@ def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.Da
     for before, after in np.flatnonzero(np.diff(np.pad(one.jumps.astype(int), 1))).reshape(-1, 2):
         if one is not first and {over[before], over[after]} in known:
             continue
-        rise = {column: np.diff(one.values(column).iloc[[before, after]])[0] for column in columns}
-        of = [name for name in columns if _size_of(rise[name], name) > MIN_ARROW_HEIGHT * _range_of(table, name) > 0.0]
+        ends = {column: one.values(column).iloc[[before, after]] for column in columns}
+        rise = {column: beyond(column, after, before) for column, (before, after) in ends.items()}
+        of = [name for name in columns if abs(rise[name]) > MIN_ARROW_HEIGHT * _range_of(table, name) > 0.0]
         if of:
             yield picture.Jump(int(places[before]), int(places[after]), one.colour, tuple(of))
 

@@ -7,7 +7,8 @@ the same reason a study is resumed only where code and arithmetic are those that
 Machines are compared by what they compute, not by the names of their processors. Kernels are compiled for a generic
 processor, and all machines that can run that code give the same bits; on others a product and a sum may be rounded
 otherwise. And the C library, numpy and BLAS choose variants of their functions by processor, which differ in the last
-bits.
+bits. Basins also depend on how many motions go side by side (:func:`vibroplat.kernels.target.lanes`): an attractor that
+one of them finds is known to the others from then on, and how far they are by then depends on their number.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import numpy as np
 import vibroplat
 from vibroplat.config.scene import Scene
 from vibroplat.integrate import make_engine, native_library
-from vibroplat.kernels.target import processor
+from vibroplat.kernels.target import lanes, processor
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import WITH_EXTREMES
@@ -43,7 +44,7 @@ Fingerprint = Mapping[str, str]
 #: Libraries that compute.
 LIBRARIES: Final = ("scikit-sundae", "numpy", "scipy", "numba", "llvmlite")
 #: What records of a study were made with: code and arithmetic.
-NAMES: Final = ("vibroplat", "source files", "Python", "platform", *LIBRARIES, "LAPACK", "arithmetic")
+NAMES: Final = ("vibroplat", "source files", "Python", "platform", *LIBRARIES, "LAPACK", "lanes", "arithmetic")
 #: A motion with impacts, which multiply a change of the last bit, and how long it is followed (s).
 REFERENCE: Final = {
     "material": {"mass_ratio": 0.2, "layers": 1},
@@ -77,7 +78,7 @@ def run_checked(expected: Fingerprint, work: bytes) -> dict[str, Any]:
 
 def fingerprint() -> Fingerprint:
     """Return all that the bits of a result depend on besides its task, by name."""
-    return code() | {"arithmetic": arithmetic(), "LAPACK": lapack()}
+    return code() | {"arithmetic": arithmetic(), "LAPACK": lapack(), "lanes": str(lanes())}
 
 
 def difference(expected: Fingerprint, actual: Fingerprint) -> str:
@@ -88,7 +89,7 @@ def difference(expected: Fingerprint, actual: Fingerprint) -> str:
 
 @cache
 def code() -> dict[str, str]:
-    """Return versions of code, libraries and platform, by name, and which engine ``auto`` is."""
+    """Return versions of code, libraries and platform, by name, and which engine ``native`` is."""
     return package() | {
         "SUNDIALS": sundials_version() or "unknown",
         "engine": "sundae" if native_library() is None else "native",
@@ -108,7 +109,7 @@ def package() -> dict[str, str]:
 
 
 @cache
-def arithmetic(engine: str = "auto") -> str:
+def arithmetic(engine: str = "native") -> str:
     """Digest what this machine computes: a short motion by an engine, and the functions of libraries."""
     text = json.dumps([_motion(engine), _functions()])  # that of a number gives back its bits
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]} on {processor()[0]}"

@@ -23,6 +23,7 @@ import pandas as pd
 
 from vibroplat.config.arguments import validated
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.errors import ConfigError, MotionError
 from vibroplat.hybrid.modes import ATTACHED, IMPACT
@@ -46,6 +47,8 @@ BLOCKS = (4, 8, 16)
 #: 4111): below this ratio of both errors, of blocks of at least so many growths, the motion is regular. It is 0.01 on a
 #: torus with blocks of 60, and 0.3 … 2 in chaos.
 REGULAR_ERROR_RATIO, MIN_SMOOTH_GROWTHS = 0.1, 24
+#: Largest difference of the exponents of both halves of the growth, in their joint standard errors.
+MAX_HALF_DIFFERENCE = 3.0
 #: Errors that are small enough: relative to the exponent, so that its sign is clear, and as growth per turn, which
 #: would need two thousand turns to double a distance.
 MAX_RELATIVE_ERROR, MAX_ERROR_PER_TURN = 1.0 / 6.0, 3e-4
@@ -74,11 +77,14 @@ class Exponent(NamedTuple):
         Exponent and its standard error (1/s), from the scatter of blocks; nan if the motion ended early.
     turn
         Mean duration of a turn of exciter 1 (s).
+    steady
+        Whether both halves of the measured growth give the same exponent.
     """
 
     value: float
     error: float
     turn: float
+    steady: bool = True
 
     @property
     def sign(self) -> int:
@@ -149,6 +155,20 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
     scene.require_orbits("a Lyapunov exponent")
     if scene.drive.program is not None:
         raise ConfigError("drive.program is given; allowed for Lyapunov exponents: drive.supply_frequency_hz alone")
+    spectrum = with_second_engine(scene, lambda tried: _spectrum(tried, state), errors=(MotionError,))
+    spectrum.append(Exponent(0.0, 0.0, spectrum[0].turn))
+    table = pd.DataFrame(
+        {
+            "exponent_per_s": [exponent.value for exponent in spectrum],
+            "error_per_s": [exponent.error for exponent in spectrum],
+            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in spectrum],
+        },
+    ).sort_values("exponent_per_s", ascending=False, kind="stable")
+    return table.set_index(pd.RangeIndex(1, len(spectrum) + 1, name="number"))
+
+
+def _spectrum(scene: Scene, state: npt.ArrayLike | None) -> list[Exponent]:
+    """Compute all exponents but that along the motion, which is 0 (:func:`lyapunov`)."""
     start = initial_condition(scene)
     p = parameters(scene)
     with closing(make_engine(scene, p)) as engine:
@@ -163,15 +183,7 @@ def lyapunov(scene: Scene, state: npt.ArrayLike | None = None) -> pd.DataFrame:
         if math.isnan(spectrum[0].value):
             why = f"the motion ended early ({motion.outcome}): {motion.detail}" if motion.outcome != "ok" else ""
             raise MotionError(why or f"no Lyapunov exponents: exciter 1 stopped turning before {motion.now:.6g} s")
-    spectrum.append(Exponent(0.0, 0.0, spectrum[0].turn))
-    table = pd.DataFrame(
-        {
-            "exponent_per_s": [exponent.value for exponent in spectrum],
-            "error_per_s": [exponent.error for exponent in spectrum],
-            "growth_per_turn": [math.exp(exponent.value * exponent.turn) for exponent in spectrum],
-        },
-    ).sort_values("exponent_per_s", ascending=False, kind="stable")
-    return table.set_index(pd.RangeIndex(1, len(spectrum) + 1, name="number"))
+    return spectrum
 
 
 def largest_exponent(
@@ -330,7 +342,17 @@ def _estimate(growth: FloatArray, seconds: FloatArray, turns: int) -> Exponent:
         if smooth < REGULAR_ERROR_RATIO * errors[0]:
             weights = _bump(len(growth))
             return Exponent(float(weights @ growth / (weights @ seconds)), smooth, turn)
-    return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn)
+    return Exponent(float(growth.sum() / seconds.sum()), max(errors), turn, _is_steady(growth, seconds))
+
+
+def _is_steady(growth: FloatArray, seconds: FloatArray) -> bool:
+    """Whether both halves of the growth have the same mean per second, within the scatter of their blocks."""
+    half = len(growth) // 2
+    means, errors = list[float](), list[float]()
+    for part in (slice(half), slice(half, None)):
+        means.append(float(growth[part].sum() / seconds[part].sum()))
+        errors.append(max(_scatter(growth[part], seconds[part], count) for count in BLOCKS[:2]))
+    return abs(means[1] - means[0]) <= MAX_HALF_DIFFERENCE * math.hypot(*errors)
 
 
 def _scatter(growth: FloatArray, seconds: FloatArray, count: int) -> float:

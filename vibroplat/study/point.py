@@ -14,8 +14,11 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import COUNT, TEXT, Column, Columns, split
+from vibroplat.config.circular import shown_angle
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.plans import SweepPlan
+from vibroplat.config.plausibility import WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.extensions import load_provided
 from vibroplat.hybrid.modes import IMPACT
@@ -37,9 +40,17 @@ from vibroplat.observe.summary import (
     inaccuracy,
     measure,
     synchronization,
-    wrap_angle,
 )
-from vibroplat.study.classification import BLOCKS, MotionClass, SearchBeginning, begin_search, classify
+from vibroplat.study.classification import (
+    BLOCKS,
+    MotionClass,
+    SearchBeginning,
+    begin_search,
+    classify,
+    compared_values,
+    rare_events,
+    transience,
+)
 from vibroplat.study.pool import Task
 from vibroplat.study.settling import KnownOrbit, OrbitDetector, SettlingResult, settle
 from vibroplat.study.store import Record
@@ -53,6 +64,8 @@ ANTIPHASE_OF_ORBITS = 1e-6
 MIN_PERIODS = 4
 #: A motion whose neighbours converge will repeat: it may settle this many times ``max_settle_s``.
 SETTLE_EXTENSION = 4.0
+#: Aperiodic motion that changes from half to half of its measuring interval is measured again, so many times as long.
+LONGER = 3
 #: How many of the last points of the Poincaré section and impacts a bifurcation diagram shows at each point.
 DIAGRAM_POINTS = 64
 
@@ -110,7 +123,8 @@ POINT: Columns = {
         error: Column(
             f"standard error of {name}",
             "from the scatter over blocks of aperiodic motion; changes too rare for the measuring interval are not "
-            "covered; empty if the motion is undecided or its section drifts",
+            "covered; empty if the motion is undecided or may be a transient, and for events that do not occur in each "
+            "half of the measuring interval",
         )
         for name, error in ERRORS.items()
     },
@@ -179,6 +193,16 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     SweepPoint
         With outcome ``out-of-memory`` if there is not enough for it.
     """
+    return with_second_engine(scene, lambda tried: _measure_by_engine(tried, plan, state, key), has_failed)
+
+
+def has_failed(point: object) -> bool:
+    """Return whether a point is one for whose outcome the engine is to blame."""
+    return isinstance(point, SweepPoint) and point.row["outcome"] in FAILED
+
+
+def _measure_by_engine(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
+    """Settle and measure one point of a sweep by one engine (:func:`measure_point`)."""
     began = time.perf_counter()
     try:
         start = initial_state(scene) if state is None else np.array(state)
@@ -256,8 +280,10 @@ def _measure_by_simulation(
         final = end.tolist()
         blocks = () if kind.drifts else part.blocks
         errors = {ERRORS[name]: error for name, error in block_errors(blocks, tuple(ERRORS)).items()}
+        if blocks and kind.motion != "quasi-periodic":
+            errors |= dict.fromkeys(ERRORS[name] for name in rare_events(compared_values(blocks)))
         row |= row_of(values, scene, errors, settling.slip, period=kind.period) | columns_of(kind)
-        row["notes"] = "; ".join(note for note in (row["notes"], stiff) if note)
+        row["notes"] = "; ".join(note for note in (row["notes"], kind.note, stiff) if note)
         if (
             plan.find_coexisting
             and kind.motion in ("chaotic", "undecided")
@@ -313,6 +339,11 @@ def _settle_then_measure(
             break
         if settling.reason == "maximum":
             limit = SETTLE_EXTENSION * plan.max_settle_s
+    if kind.period == 0 and kind.motion != "undecided" and part.blocks and until is never:
+        part, longer_kind = _measure_longer(motion, plan, settling, part, kind, observers)
+        if longer_kind is None:
+            return settling, part, None
+        kind, points = longer_kind, section_points(part.measures, motion.scene)
     orbit = detector.detect(motion, points, kind.period) if kind.period and detector is not None else None
     if orbit is not None:
         return settling._replace(seconds=motion.now, orbit=orbit), part, kind
@@ -323,6 +354,31 @@ def _settle_then_measure(
         turn = float(times[-1] - times[0]) / (len(times) - 1)
         part = _measure(motion, plan.measure_s, settling._replace(period=kind.period, turn=turn), observers)
     return settling, part, kind if motion.outcome == "ok" else None
+
+
+def _measure_longer(
+    motion: Simulator,
+    plan: SweepPlan,
+    settling: SettlingResult,
+    part: MeasuredInterval,
+    kind: MotionClass,
+    observers: Sequence[Observer],
+) -> tuple[MeasuredInterval, MotionClass | None]:
+    """Measure an aperiodic motion LONGER if it changes from half to half; it may be a transient if it still does."""
+    scene = motion.scene
+    if not transience(scene, plan, kind, compared_values(part.blocks)):
+        return part, kind
+    blocks = LONGER * BLOCKS
+    part = motion.advance(blocks * plan.measure_s, blocks=blocks, observers=observers, scope=WITH_EXTREMES)
+    if motion.outcome != "ok":
+        return part, None
+    again = classify(scene, plan, settling, section_points(part.measures, scene), motion.state, last=True)
+    if again is not None and again.period == 0 and again.motion != "undecided":
+        changes = transience(scene, plan, again, compared_values(part.blocks))
+        if changes:
+            note = f"{WARNING}may be a transient: {changes} changes as it is measured, so there are no errors"
+            again = again._replace(drifts=True, note=note)
+    return part, again
 
 
 def _measure(
@@ -363,10 +419,12 @@ def row_of(
     """Return the columns of measures that were found: with their errors, the notes on them and the synchronization.
 
     ``slip`` is the change of the phase difference while the motion settled (rad), if it has not become periodic. What
-    is no farther than ``near`` from −π (rad) is π. Without a ``period`` (0) material may run away, and has no speed.
+    is no farther than ``near`` from −π (rad), or than two standard errors if there is one, is π. Without a ``period``
+    (0) material may run away, and has no speed.
     """
     row: dict[str, Any] = {name: measures[name] for name in (*MEASURED, *columns(scene))} | dict(errors)
-    row |= shown_statistics(measures, scene, max(near, 2.0 * (errors.get(ERRORS["phase_difference_rad"]) or 0.0)))
+    error = errors.get(ERRORS["phase_difference_rad"])
+    row |= shown_statistics(measures, scene, near if error is None else max(ANTIPHASE_OF_ORBITS, 2.0 * error))
     if scene.transport is not None and scene.transport.runs_away and period == 0:
         row |= dict.fromkeys(OF_SPEED)
     row["notes"] = "; ".join(notes_on_measures(scene, measures))
@@ -383,7 +441,7 @@ def shown_statistics(measures: Mapping[str, Any], scene: Scene, near: float) -> 
     gap, phase = measures["gap_max_m"], measures["phase_difference_rad"]
     return {
         "gap_max_m": 0.0 if gap is None and scene.has_contact else gap,
-        "phase_difference_rad": None if phase is None else wrap_angle(phase, near),
+        "phase_difference_rad": None if phase is None else shown_angle(phase, near),
         "sync": synchronization(measures),
     }
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
+import os
 import sqlite3
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from copy import copy
 from pathlib import Path
 from typing import Any, Self
@@ -22,7 +23,7 @@ from pydantic_core import from_json, to_json
 from vibroplat.config.reader import flat
 from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.files import STORE
-from vibroplat.results.locks import Lock
+from vibroplat.results.locks import Lock, share
 from vibroplat.study.fingerprint import NAMES
 
 #: Version of its contents; files of other versions are refused.
@@ -87,7 +88,14 @@ class Store:
                 except OSError as error:
                     raise TableError(f"{self._path} cannot be used: {error.strerror or error}") from None
                 self._stack.callback(lock.release)
+            files = [] if directory is None else [directory / f"{STORE}{end}" for end in ("", "-wal", "-shm")]
+            unfinished = [] if any(file.exists() for file in files) else [*files]
+            self._stack.callback(_remove, unfinished)
+            _require_writable(files)
             self._open(json.loads(json.dumps(conditions)), resume=resume, overwrite=overwrite)
+            for file in files:
+                share(file)
+            unfinished.clear()
             self._stack = self._stack.pop_all()
 
     def _open(self, wanted: dict[str, Any], *, resume: bool, overwrite: bool) -> None:
@@ -300,6 +308,26 @@ class Store:
             raise TableError(f"{self._path} cannot be used: {error}") from None
         except UnicodeDecodeError:  # a message of SQLite that quotes damaged names
             raise self._corrupt_error("its names are no text") from None
+
+
+def _require_writable(files: Sequence[Path]) -> None:
+    """Create the first of a store's files if there is none; refuse those that only others can write to (TableError).
+
+    SQLite would read them alone, leave files of its own beside them, and so keep those others from their work.
+    """
+    for number, file in enumerate(files):
+        try:
+            with suppress(FileNotFoundError):
+                os.close(os.open(file, os.O_RDWR | (0 if number else os.O_CREAT), 0o666))
+        except OSError as error:
+            raise TableError(f"{file} cannot be used: {error.strerror or error}") from None
+
+
+def _remove(files: Sequence[Path]) -> None:
+    """Remove what a failed begin has left."""
+    for file in files:
+        with suppress(OSError):
+            file.unlink()
 
 
 def aside_name(chain: int | str, index: int) -> str:

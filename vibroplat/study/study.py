@@ -11,6 +11,8 @@ from pydantic import Field
 
 from vibroplat.columns import Columns
 from vibroplat.config.arguments import validated
+from vibroplat.config.engine_choice import engine_note
+from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.integrate import engine_name
 from vibroplat.results.result import Result
@@ -108,6 +110,12 @@ def conditions(scene: Scene) -> dict[str, Any]:
     return package() | {"engine": engine_name(scene), "configuration": scene.to_tree()}
 
 
+def note_computation(result: Result, notes: Sequence[str] = ()) -> None:
+    """Add notes to those of a result, the most severe first, below that on the engine which computed it."""
+    others = by_severity([*result.answer.notes, *notes])
+    result.answer = result.answer._replace(notes=[engine_note(engine_name(result.scene)), *others])
+
+
 def choose_evenly(places: Sequence[int], max_count: int = MAX_CROSS_CHECKS) -> list[int]:
     """Choose some of the places of a table, as far from each other as they can be."""
     chosen = np.linspace(0, max(len(places) - 1, 0), min(max_count, len(places))).round().astype(int)
@@ -150,4 +158,5 @@ def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Op
     with Store(None, {}) as store, pool(jobs, scheduler, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)
         result.tables.make_all()  # while there is a store
+        note_computation(result)
         return result

@@ -12,7 +12,7 @@ import pandas as pd
 from vibroplat.columns import PHASE_COLUMN, VIBRATION_PATTERN, Column, Columns
 from vibroplat.config.digits import interval, quantity
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.plausibility import HINT
+from vibroplat.config.plausibility import HINT, split_severity
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
 from vibroplat.observe.conveying import CONVEYING
@@ -400,8 +400,8 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
         count_text = "1 point" if count == 1 else f"{count} points"
         first = ", the first" if count > 1 else ""
         note = rows["note"].iloc[0]
-        begin = HINT if note.startswith(HINT) else ""
-        lines.append(f"{begin}{count_text} at {place_words(key, low, high)}{first}: {note.removeprefix(HINT)}")
+        begin, text = split_severity(note)
+        lines.append(f"{begin}{count_text} at {place_words(key, low, high)}{first}: {text}")
     unknown = int((table["motion"] == "non-periodic").sum())
     if unknown and "conveying_speed_m_per_s" in table:
         lines.append(

@@ -13,18 +13,27 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 #: What remains of a command that was stopped, and of one with an option ``--resume``.
-KEPT = "result files are complete"
+KEPT = "this command has written no result, earlier ones are complete"
 RESUMABLE = f"{KEPT}; --resume continues from the finished points"
 #: Seconds during which further requests are ignored while the stack is unwound.
 GRACE = 5.0
 
 _WORDS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+
+#: Signals of which programs have handlers that raise: Ctrl-C, time limits, and those that are free.
+_RAISING = [
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGALRM", "SIGVTALRM", "SIGPROF", "SIGUSR1", "SIGUSR2")
+    if hasattr(signal, name)
+]
 
 #: Temporary files that are being written.
 _unfinished: set[Path] = set()
@@ -120,6 +129,36 @@ def watching() -> Iterator[None]:
         _Ending.watching -= 1
     if not _Ending.watching:
         stop_if_asked()
+
+
+@contextmanager
+def handlers_put_off() -> Iterator[None]:
+    """Put off the handlers of signals that a program has set until the end of the block.
+
+    An exception that they raise is lost where C code calls Python. That of a command ends the process instead.
+    """
+    came: list[tuple[int, Any]] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    known = {number: signal.getsignal(number) for number in _RAISING}
+    handlers = {number: handler for number, handler in known.items() if callable(handler) and handler is not _end}
+    try:
+        for number in handlers:
+            signal.signal(number, lambda *signal_and_frame: came.append(signal_and_frame))
+        yield
+    finally:
+        try:
+            _set(handlers)
+        finally:  # one that came meanwhile may have raised
+            _set(handlers)
+    for number, frame in came:
+        handlers[number](number, frame)
+
+
+def _set(handlers: Mapping[int, Any]) -> None:
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 @contextmanager

@@ -28,7 +28,8 @@ from queue import SimpleQueue
 from traceback import format_exception
 from typing import Any
 
-from vibroplat.system.interrupts import without_interrupts
+from vibroplat.system.forks import lock
+from vibroplat.system.interrupts import handlers_put_off, without_interrupts
 from vibroplat.system.memory import control_groups
 from vibroplat.system.terminal import open_streams
 
@@ -38,7 +39,7 @@ PINNED = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUM
 LOOK_S = 0.2
 #: Program of a worker: its arguments are its parent, and where that finds modules.
 PROGRAM = "import sys; parent, *sys.path = sys.argv[1:]; from vibroplat.system.workers import serve; serve(int(parent))"
-_LOCK = threading.Lock()
+_LOCK = lock()
 #: State of :func:`one_thread`: number of open blocks, and the limits that end with the last of them.
 _inside = 0
 _limits: list[Any] = []
@@ -79,7 +80,8 @@ class Workers:
         self._threads = list[threading.Thread]()
         try:
             for _ in range(count):
-                self._processes.append(_start())
+                with handlers_put_off():  # a process that nobody knows would stay
+                    self._processes.append(_start())
                 thread = threading.Thread(target=self._serve, args=(self._processes[-1],), daemon=True)
                 thread.start()
                 self._threads.append(thread)

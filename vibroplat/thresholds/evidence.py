@@ -27,6 +27,8 @@ CLEAR_DISTANCE_RATIO, VALUES_PER_ROUND = 0.08, 30
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
 VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
+#: Kind of a change between neighbours of the scan that is not narrowed, as attractors cannot be told apart.
+NOT_NARROWED = "not-narrowed"
 
 
 class Threshold(NamedTuple):
@@ -56,29 +58,43 @@ class ClearRange(NamedTuple):
 
     Attributes
     ----------
-    nearest
-        The value nearest to the threshold at which many starts were made, or else any; None if there is none.
-    starts
-        Number of starts at this value, each with another seed.
-    tried
-        Number of these starts and of those beyond, each with another value or seed.
-    slow
-        Number of values evaluated there at which an exciter stays far below its synchronous speed.
-    last
-        Value of the key that is farthest from the threshold.
+    all_starts
+        One value for each start, with another value of the key or another seed, the nearest to the threshold first.
+        The first ones are at the value at which many starts were made, or else at any; empty if there is none.
     unknown
-        Number of values at which the outcome is unknown; they are not in ``tried``.
+        Number of values at which the outcome is unknown; they are not in ``all_starts``.
     limit
-        Where the next threshold begins, or the end of the range.
+        Where the next threshold or mixed interval begins, or the end of the range.
     """
 
-    nearest: ScanPoint | None
-    starts: int
-    tried: int
-    slow: int
-    last: float
+    all_starts: Sequence[ScanPoint]
     unknown: int
     limit: float
+
+    @property
+    def nearest(self) -> ScanPoint | None:
+        """The first of them; None if there is none."""
+        return self.all_starts[0] if self.all_starts else None
+
+    @property
+    def last(self) -> float:
+        """Value of the key that is farthest from the threshold."""
+        return self.all_starts[-1].value if self.all_starts else math.nan
+
+    @property
+    def starts(self) -> int:
+        """Number of starts at the nearest value, each with another seed."""
+        return sum(value.value == self.all_starts[0].value for value in self.all_starts)
+
+    @property
+    def tried(self) -> int:
+        """Number of these starts and of those beyond."""
+        return len(self.all_starts)
+
+    @property
+    def slow(self) -> int:
+        """Number of starts there after which an exciter stays far below its synchronous speed."""
+        return sum(value.hangs for value in self.all_starts)
 
     @property
     def sure(self) -> bool:
@@ -136,11 +152,34 @@ class _Hull:
         self.contradicted = False
 
     @property
+    def core(self) -> tuple[float, float]:
+        """The ends of the mixed interval, or the values between which a sharp threshold is."""
+        return self._ends if self.is_mixed else self.edges
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether outcomes of both sides were found at a value or alternate."""
+        return self.contradicted and self._ends[0] <= self._ends[1]
+
+    @property
+    def _ends(self) -> tuple[float, float]:
+        """The smallest value with an outcome other than below, and the largest with one other than above."""
+        firsts = [one.high.value for one in self.thresholds] + [above.value for _, above in self.changes]
+        lasts = [one.low.value for one in self.thresholds] + [below.value for below, _ in self.changes]
+        return min(firsts), max(lasts)
+
+    @property
     def edges(self) -> tuple[float, float]:
         """The values of the key between which all its changes are."""
         lows = [one.low.value for one in self.thresholds] + [below.value for below, _ in self.changes]
         highs = [one.high.value for one in self.thresholds] + [above.value for _, above in self.changes]
         return min(lows), max(highs)
+
+    def reaches(self, after: _Hull) -> bool:
+        """Whether another one begins where this one ends, in a mixed interval of one of the two."""
+        at = self.edges[1]
+        mixed = (self.is_mixed and self.core[1] == at) or (after.is_mixed and after.core[0] == at)
+        return after.edges[0] == at and mixed
 
     def take(self, other: _Hull) -> None:
         """Take what another one has."""
@@ -172,9 +211,7 @@ def zones(values: Sequence[ScanPoint], thresholds: Sequence[Threshold], plan: Fi
             owner.contradicted = True
         owner.changes.append(change)
     hulls = _merge(hulls)
-    begins = [plan.start, *(hull.edges[1] for hull in hulls)]
-    ends = [*(hull.edges[0] for hull in hulls[1:]), plan.stop]
-    return [_zone(hull, known, plan, *limits) for hull, *limits in zip(hulls, begins, ends, strict=False)]
+    return [_zone(hull, known, plan, *around) for hull, around in zip(hulls, _neighbours(hulls), strict=True)]
 
 
 def _is_within(change: tuple[ScanPoint, ScanPoint], threshold: Threshold) -> bool:
@@ -182,43 +219,51 @@ def _is_within(change: tuple[ScanPoint, ScanPoint], threshold: Threshold) -> boo
 
 
 def _merge(hulls: Sequence[_Hull]) -> list[_Hull]:
-    """Join those that overlap."""
+    """Join those that overlap, or that share a value with several outcomes."""
     merged: list[_Hull] = []
     for hull in sorted(hulls, key=lambda hull: hull.edges):
-        if merged and hull.edges[0] < merged[-1].edges[1]:
+        if merged and (hull.edges[0] < merged[-1].edges[1] or merged[-1].reaches(hull)):
             merged[-1].take(hull)
         else:
             merged.append(hull)
     return merged
 
 
-def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, begin: float, end: float) -> Zone:
-    """Return what is known around a hull, from ``known`` values in ascending order between two limits."""
-    first, last = hull.edges
-    mixed: list[ScanPoint] = []
-    if hull.contradicted:
-        first = min([*(one.high.value for one in hull.thresholds), *(above.value for _, above in hull.changes)])
-        last = max([*(one.low.value for one in hull.thresholds), *(below.value for below, _ in hull.changes)])
-        mixed = [value for value in known if first <= value.value <= last]
-        lower = [value for value in known if begin <= value.value < first]
-        upper = [value for value in known if last < value.value <= end]
-    else:
-        lower = [value for value in known if begin <= value.value <= first]
-        upper = [value for value in known if last <= value.value <= end]
-    below, above = _clear(lower[::-1], plan, begin), _clear(upper, plan, end)
+def _neighbours(hulls: Sequence[_Hull]) -> list[tuple[_Hull | None, _Hull | None]]:
+    """Return the hulls before and after each."""
+    return list(zip([None, *hulls[:-1]], [*hulls[1:], None], strict=True)) if hulls else []
+
+
+def _zone(hull: _Hull, known: Sequence[ScanPoint], plan: FindPlan, before: _Hull | None, after: _Hull | None) -> Zone:
+    """Return what is known around a hull, from ``known`` values in ascending order, up to the hulls next to it."""
+    first, last = hull.core
+    mixed = [value for value in known if hull.is_mixed and first <= value.value <= last]
+    begin = plan.start if before is None else before.core[1]
+    end = plan.stop if after is None else after.core[0]
+    lower = [value for value in known if _is_clear(value.value, before, hull)]
+    upper = [value for value in known if _is_clear(value.value, hull, after)]
+    below, above = _clear(lower[::-1], plan, first, begin), _clear(upper, plan, last, end)
     return Zone(sorted(hull.thresholds, key=lambda one: one.value), mixed, below, above)
 
 
-def _clear(values: Sequence[ScanPoint], plan: FindPlan, limit: float) -> ClearRange:
-    """Summarize values with one outcome, the nearest to the threshold first."""
+def _is_clear(at: float, before: _Hull | None, after: _Hull | None) -> bool:
+    """Whether a value is between two hulls: the ends of a mixed interval are not, those of a sharp threshold are."""
+    above = before is None or at > before.core[1] or (at == before.core[1] and not before.is_mixed)
+    below = after is None or at < after.core[0] or (at == after.core[0] and not after.is_mixed)
+    return above and below
+
+
+def _clear(values: Sequence[ScanPoint], plan: FindPlan, edge: float, limit: float) -> ClearRange:
+    """Summarize values with one outcome between an edge and a limit, the nearest to the edge first.
+
+    Many starts beyond the middle belong to the next threshold.
+    """
     good = {(value.value, value.seed): value for value in values if value.is_classified(plan)}
     starts = Counter(at for at, _ in good)
-    at = next((at for at in starts if starts[at] > STARTS // 2), next(iter(starts), math.nan))
+    near = [at for at in starts if abs(at - edge) <= abs(at - limit)]
+    at = next((at for at in near if starts[at] > STARTS // 2), next(iter(starts), math.nan))
     there = [value for value in good.values() if abs(value.value - limit) <= abs(at - limit)]
-    slow = sum(value.hangs for value in there)
-    unknown = sum(not value.is_classified(plan) for value in values)
-    nearest = next((value for value in there if value.value == at), None)
-    return ClearRange(nearest, starts[at], len(there), slow, there[-1].value if there else math.nan, unknown, limit)
+    return ClearRange(there, sum(not value.is_classified(plan) for value in values), limit)
 
 
 # -- where further values are evaluated ------------------------------------------------------------------------------

@@ -10,10 +10,12 @@ from typing import Unpack
 
 import pandas as pd
 
-from vibroplat.columns import TEXT, Columns, unit_of
+from vibroplat.columns import TEXT, Columns, is_angle, unit_of
+from vibroplat.config.circular import bound_meaning, value_text
 from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
+from vibroplat.config.plausibility import WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
@@ -27,13 +29,16 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-from vibroplat.thresholds.evidence import ERROR_PROBABILITY, ClearRange, Threshold, Zone, facts, is_wanted
+from vibroplat.thresholds.distinct import Indistinct, measures_to_ask
+from vibroplat.thresholds.evidence import ERROR_PROBABILITY, NOT_NARROWED, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
 from vibroplat.thresholds.tables import POINT_COLUMNS, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
 from vibroplat.thresholds.values import ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
 KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
+#: Largest number of motions that show that attractors cannot be told apart, and of expressions that are proposed.
+MAX_LISTED = 3
 #: Outcomes of an expression in words.
 OUTCOME_TEXTS = {True: "true", False: "false", None: "empty"}
 
@@ -79,8 +84,11 @@ class ThresholdStudy(Study):
             "values": f"{len(scan)} of the scan, {len(search.evaluated)} more, with {counted(seeds, 'seed')}",
             "thresholds": str(len(thresholds)),
         }
-        headline, short = self._short(zones, every)
-        short += [*self._promise(zones), *self._start_line(search, zones)]
+        if search.indistinct is not None:
+            headline, short = self._indistinct(search.indistinct, zones, every)
+        else:
+            headline, short = self._short(zones, every)
+            short += [*self._promise(zones), *self._start_line(search, zones)]
         failed = [self._failure(value) for value in every if value.failed]
         answer = Answer(lines, (), list(self._notes(every, zones)), failed, headline, short)
         return Result("find", self.scene, tables, answer)
@@ -92,7 +100,7 @@ class ThresholdStudy(Study):
         values = values[values["outcome"] == "ok"]
         for _, row in result.thresholds.iterrows():
             mixed = pd.notna(row["mixed_low"])
-            if self.plan.from_ == "previous" or (row["kind"] == "unresolved-transient" and not mixed):
+            if self.plan.from_ == "previous" or (row["kind"] in ("unresolved-transient", NOT_NARROWED) and not mixed):
                 continue
             for side in ("below", "above"):
                 at, seed = float(row[side]), self.scene.run.seed
@@ -144,7 +152,7 @@ class ThresholdStudy(Study):
             return f"{value.text}{' slow' * value.hangs}"
         column = self.plan.compared[0]
         measure = value.row.get(column)
-        return f"{column} = {quantity(measure, unit_of(column), digits=5)}" if measure is not None else f"no {column}"
+        return f"{column} = {value_text(column, measure, digits=5)}" if measure is not None else f"no {column}"
 
     def _failure(self, value: ScanPoint) -> str:
         where = place_words(column_of(self.plan.key), value.value)
@@ -157,8 +165,10 @@ class ThresholdStudy(Study):
             return self._no_threshold(every)
         lines = [line for zone in zones for line in self._lines_of(zone)]
         mixed = [zone for zone in zones if zone.mixed]
-        if len(zones) == len(mixed) == 1:
-            return lines[0], lines[1:]
+        if len(zones) == len(mixed) == 1:  # the answer first, then the interval and its other side
+            wants_above = is_wanted(zones[0], True, self.plan) or not is_wanted(zones[0], False, self.plan)
+            headline, *others = self._mixed_lines(zones[0])[:: -1 if wants_above else 1]
+            return f"{self.plan.key} {headline}", others
         if len(thresholds) == 1:
             clear = [self._clear(zones[0], upward) for upward in (False, True) if zones[0].side(upward).sure]
             return self._threshold(thresholds[0]), [*self._both_sides(thresholds[0]), *clear]
@@ -167,14 +177,39 @@ class ThresholdStudy(Study):
         ends = place_words(column_of(self.plan.key), self.plan.start, self.plan.stop)
         return f"{' and '.join(counted(n, noun) for n, noun in counts if n)} over {ends}", lines
 
+    def _indistinct(
+        self, found: Indistinct, zones: Sequence[Zone], every: Sequence[ScanPoint]
+    ) -> tuple[str, list[str]]:
+        """Return the headline and the lines below it where attractors cannot be told apart."""
+        key = column_of(self.plan.key)
+        lines = []
+        for one, other in found.pairs[:MAX_LISTED]:
+            how = "twice the settling time" if other.seed == one.seed else "another seed"
+            lines.append(f"at {place_words(key, one.value)}: {one.text}; with {how}: {other.text}")
+        for one in found.late[:MAX_LISTED]:
+            after = quantity(one.row["settle_s"], "s", digits=2)
+            lines.append(f"at {place_words(key, one.value)}: {one.text} only after {after} of another motion")
+        for change in [one for zone in zones for one in zone.thresholds if one.low.row["sync"] != one.high.row["sync"]]:
+            where = place_words(key, change.low.value, change.high.value)
+            lines.append(f"between {where}: {change.low.text} → {change.high.text}")
+        asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
+        lines.append("ask for the synchronization instead: find.compare: regime")
+        if asked:
+            lines.append(f"or for a measure, find.expression: {asked}")
+        where = place_words(key, found.low, found.high)
+        return f"attractors cannot be told apart over {where}: their classes depend on seed or settling time", lines
+
     def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
         sides = [zone.side(upward) for zone in zones for upward in (False, True)]
         sure, where = [side for side in sides if side.sure], "there" if len(zones) == 1 else "near each change"
         if sure:
             risk = f"less than {percent(max(side.max_other_fraction for side in sure))} of other starts {where} differ"
-            beyond = f"none of {sum(side.tried - side.starts for side in sure)} beyond does"
-            yield f"{risk} ({given(100.0 - 100.0 * ERROR_PROBABILITY)} % confidence); {beyond}"
+            tried = {(value.value, value.seed) for side in sure for value in side.all_starts}
+            nearest = {side.all_starts[0].value for side in sure}
+            beyond = [at for at, _ in tried if at not in nearest]
+            confidence = f"{given(100.0 - 100.0 * ERROR_PROBABILITY)} % confidence"
+            yield f"{risk} ({confidence}); none of {len(beyond)} beyond does"
         if self.plan.expression is None and any(side.slow for side in sides):
             counts = [f"{side.slow} of {side.tried}" for side in sides]
             yield _slow(f"{'; '.join(map(' → '.join, zip(counts[::2], counts[1::2], strict=True)))} starts")
@@ -206,7 +241,8 @@ class ThresholdStudy(Study):
     def _lines_of(self, zone: Zone) -> list[str]:
         """Return a line for each threshold, or those of a mixed interval."""
         if zone.mixed:
-            return list(self._mixed_lines(zone))
+            below, *others = self._mixed_lines(zone)
+            return [f"{self.plan.key} {below}", *others]
         sides = [dict.fromkeys((self._side(one.low), self._side(one.high))) for one in zone.thresholds]
         return [f"{self._threshold(one)}: {' → '.join(side)}" for one, side in zip(zone.thresholds, sides, strict=True)]
 
@@ -241,15 +277,13 @@ class ThresholdStudy(Study):
             return "the measures on both sides meet"
         return KIND_TEXTS.get(one.kind, one.kind)
 
-    def _mixed_lines(self, zone: Zone) -> Iterator[str]:
-        """Yield the lines of a mixed interval, first the side where the expression holds, otherwise the upper side."""
-        downward = is_wanted(zone, False, self.plan) and not is_wanted(zone, True, self.plan)
-        yield f"{self.plan.key} {self._clear(zone, not downward)}"
+    def _mixed_lines(self, zone: Zone) -> tuple[str, str, str]:
+        """Return the lines of a mixed interval: below it, in it, above it."""
         good = [value for value in zone.mixed if value.is_classified(self.plan)]
         outcomes = Counter(self._outcome(value, speed=True) for value in good).most_common()
         counted = ", ".join(f"{outcome} {count}" for outcome, count in outcomes)
-        yield f"mixed {self._interval(zone)}: {counted} of {len(good)} starts"
-        yield self._clear(zone, downward)
+        mixed = f"mixed {self._interval(zone)}: {counted} of {len(good)} starts"
+        return self._clear(zone, False), mixed, self._clear(zone, True)
 
     def _interval(self, zone: Zone) -> str:
         """Return a mixed interval, its ends rounded outward."""
@@ -270,7 +304,8 @@ class ThresholdStudy(Study):
         if clear.nearest is None:
             way = "above" if upward else "below"
             end = f"{way} {self._ends(zone)[upward]} {unit_of(self.plan.key)}".rstrip()
-            return f"{end}: unknown, because the mixed interval reaches the end of the range"
+            reached = "end of the range" if clear.limit in (self.plan.start, self.plan.stop) else "next change"
+            return f"{end}: unknown, because the mixed interval reaches the {reached}"
         unknown = f"; {clear.unknown} further values have no clear outcome" if clear.unknown else ""
         outcome = self._outcome(clear.nearest)
         if self.plan.expression is not None:
@@ -314,16 +349,20 @@ class ThresholdStudy(Study):
             for one in zone.thresholds:
                 if one.kind == "unresolved-transient" and one.special:
                     yield (
-                        f"near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that the "
-                        "motion had not left it when it was measured"
+                        f"{WARNING}near {self.plan.key} = {number(one.value, 6)} the orbit is so weakly unstable that "
+                        "the motion had not left it when it was measured"
                     )
+        if self.plan.compared is not None and is_angle(self.plan.compared[0]):
+            column, how, limit = self.plan.compared
+            yield bound_meaning(column, 1.0 if ">" in how else -1.0, limit)
         if {value.seed for value in every} == {self.scene.run.seed} and self.scene.start_perturbation:
             yield f"with seed {self.scene.run.seed} only: another run.seed disturbs each start otherwise"
         unsettled = [value.value for value in every if value.unsettled and not value.failed]
         if unsettled and self.plan.expression is not None:
             yield (
-                f"at {len(unsettled)} of {len(every)} values, first at {self._round(unsettled[0])}, the motion was "
-                "measured in a transient or has no clear class: a larger find.max_settle_s may change the outcome"
+                f"{WARNING}at {len(unsettled)} of {len(every)} values, first at {self._round(unsettled[0])}, the "
+                "motion was measured in a transient or has no clear class: a larger find.max_settle_s may change the "
+                "outcome"
             )
 
 

@@ -17,6 +17,8 @@ SIDE_COLUMNS = (
 KINDS_OF_CHANGE = {
     "jump": "both sides keep their outcome with twice the settling time; their measures differ at any distance",
     "level-crossing": "the difference of the measures vanishes as the interval between both sides shrinks",
+    "not-narrowed": "between neighbours of the scan; attractors in the range cannot be told apart, because another "
+    "seed or twice the settling time changes the class of a motion",
     "unresolved-transient": "one side changes with twice the settling time, or is still leaving an unstable orbit",
 }
 #: What the columns mean.

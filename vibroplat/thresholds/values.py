@@ -11,7 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from vibroplat.columns import PHASE_COLUMN
+from vibroplat.config.circular import beyond, bound_scale
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.scene import Scene
 from vibroplat.config.study_plans import FindPlan
@@ -26,7 +29,7 @@ from vibroplat.motion.run import simulate
 from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.synchronization import STAYING_TURNS
-from vibroplat.study.point import ERRORS, SweepPoint, failed_record, measure_point
+from vibroplat.study.point import ERRORS, SweepPoint, failed_record, has_failed, measure_point
 from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in scaled units, at most.
@@ -75,7 +78,8 @@ class ScanPoint(NamedTuple):
         """Return what is compared between two values: motion, synchronization, or whether the expression holds."""
         if plan.compared is not None:
             column, how, number = plan.compared
-            return None if self.row.get(column) is None else bool(_COMPARED[how](self.row[column], number))
+            measure = self.row.get(column)
+            return None if measure is None else bool(_COMPARED[how](beyond(column, measure, number), 0.0))
         sync = self.row["sync"]
         return sync if plan.compare == "regime" else (sync, self.row["motion"], self.row["period"], self.leaving)
 
@@ -108,21 +112,22 @@ def relative_difference(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> flo
     """How much the measures of two values differ, relative to them; that of the expression alone if there is one."""
     if plan.compared is not None:
         a, b = (value.row.get(plan.compared[0]) for value in (one, other))
-        return math.inf if a is None or b is None else abs(a - b)
+        return math.inf if a is None or b is None else float(abs(beyond(plan.compared[0], a, b)))
     amplitudes, speeds, phases = (
         np.array([[value.row[name] or 0.0 for name in names] for value in (one, other)])
-        for names in (("rms_x_m", "rms_y_m"), ("excitation_frequency_hz",), ("phase_difference_rad",))
+        for names in (("rms_x_m", "rms_y_m"), ("excitation_frequency_hz",), (PHASE_COLUMN,))
     )
     parts = [float(np.abs(a[1] - a[0]).max() / (np.hypot.reduce(a, axis=1).max() or 1.0)) for a in (amplitudes, speeds)]
     synchronized = "none" not in (one.row["sync"], other.row["sync"])
-    return max(*parts, abs(float(np.angle(np.exp(1j * (phases[1] - phases[0]))[0]))) / math.pi if synchronized else 0.0)
+    return max(*parts, float(abs(beyond(PHASE_COLUMN, *phases[::-1, 0]))) / math.pi if synchronized else 0.0)
 
 
 def scale_of(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
-    """Return what :func:`relative_difference` divides by: the column of the expression, or 1 for ratios."""
+    """Return to what :func:`relative_difference` is relative: the column of the expression, or 1 for ratios."""
     if plan.compared is None:
         return 1.0
-    return float(max(abs(value.row.get(plan.compared[0]) or 0.0) for value in (one, other)))
+    column = plan.compared[0]
+    return max(bound_scale(column, float(value.row.get(column) or 0.0)) for value in (one, other))
 
 
 def has_errors(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> bool:
@@ -184,7 +189,8 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     """
     began, perturbation = time.perf_counter(), scene.start_perturbation
     if state is None:  # as a run of the scene begins
-        start = _follow_program(scene, perturb_state(initial_state(scene), scene, perturbation, key))
+        begin = perturb_state(initial_state(scene), scene, perturbation, key)
+        start = with_second_engine(scene, lambda tried: _follow_program(tried, begin), has_failed)
         if isinstance(start, SweepPoint):
             return start
         state, perturbation = start, 0.0
