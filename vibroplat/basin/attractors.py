@@ -16,8 +16,8 @@ import numpy as np
 from vibroplat.basin.mapper import AttractorMapper, same_orbit, window_length
 from vibroplat.basin.windows import classify_windows, components, is_alike, same_motion
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.first_orbit import OrbitError
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.continuation.orbit import OrbitError
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray
