@@ -8,7 +8,8 @@ import pytest
 from continuation.helpers import MACHINE
 from vibroplat import load_config
 from vibroplat.continuation.attraction import AttractionEllipsoid, contracting_norm
-from vibroplat.continuation.orbit import first_orbit, with_orbit_tolerance
+from vibroplat.continuation.first_orbit import first_orbit
+from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.continuation.shooting import Shooter
 
 

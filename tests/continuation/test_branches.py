@@ -11,7 +11,8 @@ from common.places import QUICKSTART
 
 from continuation.helpers import MACHINE
 from vibroplat import load_config, orbit
-from vibroplat.continuation.orbit import OrbitError, guesses, with_initial_state
+from vibroplat.continuation.first_orbit import OrbitError, guesses
+from vibroplat.continuation.orbit import with_initial_state
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import state_scales
 

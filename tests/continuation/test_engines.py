@@ -8,7 +8,8 @@ from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, orbit
 from vibroplat.continuation import orbit as orbits
-from vibroplat.continuation.orbit import MissedOrbitError, OrbitError, with_orbit_tolerance
+from vibroplat.continuation.first_orbit import MissedOrbitError, OrbitError
+from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.designs.sensitivities import local_orbit
 

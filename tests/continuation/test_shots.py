@@ -7,8 +7,8 @@ import pytest
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
+from vibroplat.continuation.first_orbit import first_orbit
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
-from vibroplat.continuation.orbit import first_orbit
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import initial_state
 from vibroplat.model.accelerations import explicit

@@ -7,7 +7,7 @@ import pytest
 
 from vibroplat import design, load_config, orbit
 from vibroplat.config.digits import percent
-from vibroplat.continuation.orbit import OrbitError
+from vibroplat.continuation.first_orbit import OrbitError
 from vibroplat.errors import ConfigError
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"

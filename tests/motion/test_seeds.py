@@ -36,12 +36,12 @@ def test_a_run_that_still_changes_has_ranges_although_its_measured_part_has_the_
     assert 1 < peaks_of_seeds(runs[0])["captured"] <= captured < MORE_SEEDS
 
 
-@pytest.mark.parametrize("engine", ["auto", "native"])
+@pytest.mark.parametrize("engine", ["taylor", "native"])
 def test_all_runs_of_a_range_count_with_either_engine(screen, engine):
-    """However long they are; more runs than one are many motions, which ``auto`` computes by ``taylor``."""
+    """However long they are."""
     slow = {"drive.supply_frequency_hz": 14.0, "run.duration_s": 1.5, "solver.engine": engine}
     run = simulate(screen.replace(slow), keep="summary")
-    assert (run.summary["engine"], peaks_of_seeds(run)["seeds"]) == ("native", 20)
+    assert (run.summary["engine"], peaks_of_seeds(run)["seeds"]) == (engine, 20)
 
 
 def test_a_motor_that_is_switched_off_is_so_in_other_phases(screen):

@@ -22,7 +22,8 @@ from vibroplat import orbit, simulate
 from vibroplat.check import MIN_ALLOWED, with_other_engine
 from vibroplat.check.events import ErrorBound, EventMatches, compared_events, match_events
 from vibroplat.check.runs import check_run
-from vibroplat.continuation.orbit import OrbitError, run_from
+from vibroplat.continuation.first_orbit import OrbitError
+from vibroplat.continuation.orbit import run_from
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.model.systems import GAP

@@ -18,8 +18,8 @@ from vibroplat.basin.windows import classify_windows, components, is_alike, same
 from vibroplat.columns import PHASE_COLUMN
 from vibroplat.config.circular import degrees_text
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.first_orbit import OrbitError
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.continuation.orbit import OrbitError
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.hybrid.state import state_scales
 from vibroplat.kernels.compiled import FloatArray

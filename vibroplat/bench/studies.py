@@ -13,7 +13,8 @@ import pandas as pd
 from vibroplat.basin.study import basins
 from vibroplat.bench.measure import by_turns, timed
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import OrbitError, orbit_near
+from vibroplat.continuation.first_orbit import OrbitError
+from vibroplat.continuation.orbit import orbit_near
 from vibroplat.continuation.study import orbits
 from vibroplat.paper.scenes import machine_numbers, paper_scene
 from vibroplat.study.sweep import sweep

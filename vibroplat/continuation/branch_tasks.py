@@ -20,17 +20,10 @@ from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.arclength import Branch
+from vibroplat.continuation.first_orbit import MissedOrbitError, OrbitError, first_orbit
 from vibroplat.continuation.locate import find_special_points
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct
-from vibroplat.continuation.orbit import (
-    MissedOrbitError,
-    OrbitError,
-    first_orbit,
-    measures_of_orbit,
-    orbit_near,
-    read_guess,
-    with_orbit_tolerance,
-)
+from vibroplat.continuation.orbit import measures_of_orbit, orbit_near, read_guess, with_orbit_tolerance
 from vibroplat.continuation.shooting import Shooter, event_sequence_text
 from vibroplat.continuation.special_points import (
     DOUBLING,

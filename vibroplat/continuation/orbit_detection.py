@@ -17,6 +17,7 @@ import numpy as np
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.attraction import AttractionEllipsoid
+from vibroplat.continuation.first_orbit import smallest_period
 from vibroplat.continuation.newton import (
     Limits,
     NewtonResult,
@@ -26,7 +27,7 @@ from vibroplat.continuation.newton import (
     correct_moving_section,
     fixed_border,
 )
-from vibroplat.continuation.orbit import TOLERANCE, measure_period, smallest_period, with_orbit_tolerance
+from vibroplat.continuation.orbit import TOLERANCE, measure_period, with_orbit_tolerance
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray

@@ -18,16 +18,9 @@ import numpy.typing as npt
 from vibroplat.config.circular import differences
 from vibroplat.config.engine_choice import with_second_engine
 from vibroplat.config.scene import Scene
+from vibroplat.continuation.first_orbit import MissedOrbitError, first_orbit
 from vibroplat.continuation.newton import RANK_LIMIT, NewtonResult, NoConvergenceError, Problem, correct, fixed_border
-from vibroplat.continuation.orbit import (
-    MissedOrbitError,
-    Orbit,
-    first_orbit,
-    measure_period,
-    measures_of,
-    read_guess,
-    with_orbit_tolerance,
-)
+from vibroplat.continuation.orbit import Orbit, measure_period, measures_of, read_guess, with_orbit_tolerance
 from vibroplat.continuation.shooting import KEY_STEP_RATIO, Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters

@@ -11,7 +11,8 @@ import pandas as pd
 from vibroplat.config.circular import wrap
 from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.orbit import TOLERANCE, OrbitError, orbit_near, read_guess, run_from, with_orbit_tolerance
+from vibroplat.continuation.first_orbit import OrbitError
+from vibroplat.continuation.orbit import TOLERANCE, orbit_near, read_guess, run_from, with_orbit_tolerance
 from vibroplat.hybrid.state import state_scales
 
 #: Samples of a turn for those who draw it: between two a line through a sine is beside it by 0.1 % of its amplitude.

@@ -20,7 +20,8 @@ from vibroplat.continuation.branch_tasks import (
     same_special,
 )
 from vibroplat.continuation.codim2 import ComputedBoundary, follow_boundary
-from vibroplat.continuation.orbit import OrbitError, with_initial_state, with_orbit_tolerance
+from vibroplat.continuation.first_orbit import OrbitError
+from vibroplat.continuation.orbit import with_initial_state, with_orbit_tolerance
 from vibroplat.continuation.tables import TABLES, make_tables, summarize
 from vibroplat.errors import ConfigError, errors_about
 from vibroplat.model.sensitivity import parameter_direction, value_of

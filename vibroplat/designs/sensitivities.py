@@ -14,8 +14,9 @@ from vibroplat.config.keys import number_of
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean, in_lists, nodes
+from vibroplat.continuation.first_orbit import OrbitError
 from vibroplat.continuation.newton import NoConvergenceError
-from vibroplat.continuation.orbit import Orbit, OrbitError, with_orbit_tolerance
+from vibroplat.continuation.orbit import Orbit, with_orbit_tolerance
 from vibroplat.continuation.orbit_neighbourhood import OrbitNeighbourhood
 from vibroplat.designs.motions import MotionNeighbourhood, settling_plan
 from vibroplat.errors import ConfigError, errors_about

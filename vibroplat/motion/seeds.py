@@ -9,9 +9,7 @@ from typing import Any
 
 from vibroplat.columns import split
 from vibroplat.config.coordinates import TURN
-from vibroplat.config.engine_choice import FAILED, with_second_engine
 from vibroplat.config.scene import Scene
-from vibroplat.integrate import make_engine
 from vibroplat.motion.initial_condition import initial_condition
 from vibroplat.motion.run import simulate
 from vibroplat.results.run import RunResult
@@ -66,7 +64,7 @@ def peaks_of_seeds(run: RunResult) -> dict[str, Any]:
     for k in range(1, count + 1):
         another = _with_seed(scene, k, k / (count + 1), begin)
         another = another.replace({"run.duration_s": min(seconds, scene.run.duration_s)})
-        other = with_second_engine(another, _simulate_one_of_many, lambda other: other.outcome in FAILED)
+        other = simulate(another, keep="summary", start=initial_condition(another))
         if other.outcome == "ok":
             runs.append(other.summary)
     ends = {column: [choose(one[column] for one in runs) for choose in (min, max)] for column in times}
@@ -80,11 +78,6 @@ def _may_differ(scene: Scene, begin: float) -> bool:
     end = begin + scene.run.duration_s
     switches = any(begin < entry.t_s < end for entry in scene.drive.program or ())
     return scene.start_perturbation > 0.0 or (switches and scene.run.perturbation is None)
-
-
-def _simulate_one_of_many(scene: Scene) -> RunResult:
-    """Simulate a scene by the engine of studies, as there are many such runs."""
-    return simulate(scene, keep="summary", start=initial_condition(scene), engine=make_engine)
 
 
 def _with_seed(scene: Scene, k: int, part: float, begin: float) -> Scene:
