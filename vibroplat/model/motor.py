@@ -65,15 +65,6 @@ def kloss_term(slip: float, slip_before: float, products: float, motor: MotorTer
     return (driving - products) * motor.share
 
 
-@compiled
-def kloss_slope(slip: float, critical: float, torque: float) -> float:
-    """Slope ∂L/∂u of :func:`kloss_torque` over Δ: ∂L/∂u = Δ times it, ∂L/∂Δ = −u times it (N·m·s²)."""
-    square = critical * critical + slip * slip
-    if square == 0.0:
-        return 0.0 * torque
-    return 2.0 * torque * (critical * critical - slip * slip) / (square * square)
-
-
 @inlined
 def slip_speeds(i: int, t: float, speed: float, p: Parameters) -> tuple[float, float]:
     """Slip speed and critical slip speed of exciter i's motor at a time and a speed (rad/s)."""
@@ -122,32 +113,7 @@ def motor_powers(times: FloatArray, speeds: FloatArray, p: Parameters) -> FloatA
     return power
 
 
-@compiled
-def torque_rate(i: int, t: float, speed: float, p: Parameters) -> float:
-    """Rate ∂L_i/∂t at constant speed (N·m/s): the supply changes."""
-    slip, critical = slip_speeds(i, t, speed, p)
-    turning = critical * p.speed_ramp[i] - slip * p.slip_ramp[i]
-    return p.direction[i] * kloss_slope(slip, critical, p.torque[i]) * turning
-
-
-@compiled
-def resistance(speed: float, friction: float) -> float:
-    """Resistance L_R = k_R k φ̇|φ̇| (N·m), proportional to the centrifugal force.
-
-    Its second derivative jumps where the exciter stops: multistep methods pass that without an event, and
-    ``tests/motion/test_standstill.py`` says what it costs; the Taylor series ends a step there.
-    """
-    return friction * speed * abs(speed)
-
-
 @fused_inline
 def resistance_term(square: float, sense: float, friction: float) -> float:
     """Term of :func:`resistance` from that of φ̇², while the exciter turns in a sense (±1)."""
     return friction * sense * square
-
-
-@compiled
-def net_slope(i: int, t: float, speed: float, p: Parameters) -> float:
-    """Slope d(L_i − L_Ri)/dφ̇_i of motor torque less resistance (N·m·s)."""
-    slip, critical = slip_speeds(i, t, speed, p)
-    return -critical * kloss_slope(slip, critical, p.torque[i]) - 2.0 * p.friction[i] * abs(speed)

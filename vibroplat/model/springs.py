@@ -10,9 +10,8 @@ a coordinate that has had none gets a line in :data:`DAMPERS` as well.
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.compiled import compiled, fused_inline
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import ALGEBRAIC, GAP, LAYERS, UPPER
 
 #: One number for each of x, y, φ, y_w1, y_w2.
 Relative = tuple[float, float, float, float, float]
@@ -40,14 +39,6 @@ def restoring(q: Relative, v: Relative, p: Parameters) -> Relative:
         0.0,
         p.layer_stiffness * q[4] + p.layer_damping * v[4],
     )
-
-
-@inlined
-def relative(system: int, y: FloatArray, first: int, n: int) -> Relative:
-    """Pick the relative coordinates from place 0 of the unknowns on, or their rates from place n on; 0 for others."""
-    gap = y[first + GAP] if LAYERS[system] > 0 and not ALGEBRAIC[system] else 0.0
-    upper = y[first + UPPER[system]] if LAYERS[system] == 2 else 0.0
-    return y[first], y[first + 1], y[first + 2], gap, upper
 
 
 @compiled
