@@ -9,7 +9,7 @@ from vibroplat import Scene
 from vibroplat.kernels.compiled import compiled
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.equations import jacobian, rates_of_rows
-from vibroplat.model.motor import kloss_torque, motor_powers, motor_torque
+from vibroplat.model.motor import motor_powers, motor_torque
 from vibroplat.model.parameters import blank_record, parameters
 from vibroplat.model.systems import SYSTEMS
 
@@ -62,7 +62,9 @@ def test_torque_at_known_slips(direction):
 
 @pytest.mark.parametrize(("slip", "critical", "torque"), [(30.0, 24.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, CRITICAL)])
 def test_a_switched_off_supply_and_one_of_0_hz_have_no_torque(slip, critical, torque):
-    assert kloss_torque(slip, critical, torque) == 0.0
+    p = blank_record()
+    p.direction, p.speed, p.slip_speed, p.torque = 1.0, slip, critical, torque
+    assert motor_torque(0, 0.0, 0.0, p) == 0.0
 
 
 #: Speeds beyond the synchronous ones, below, at rest, and against them (rad/s).

@@ -94,12 +94,12 @@ def _add(a: Node, b: Node) -> Node:
 
 
 def _multiply(a: Node, b: Node) -> Node:
-    if a.is_zero or b.is_zero:
-        return ZERO
-    if a is ONE or b is ONE:
-        return b if a is ONE else a
+    if ZERO in (a, b) or ONE in (a, b):
+        return ZERO if ZERO in (a, b) else (b if a is ONE else a)
     if a.op == "negative" or b.op == "negative":
         return -(-a * b) if a.op == "negative" else -(a * -b)
+    if a.varies < MOVING and b.op == "product" and b.parts[0].varies < MOVING:
+        return node("product", a * b.parts[0], b.parts[1])
     if a.varies < MOVING or b.varies < MOVING:
         return node("product", a, b)
     for one, other in ((a, b), (b, a)):  # what does not move stands before products of what moves
@@ -194,10 +194,15 @@ def scalar(n: Node, i: int | str = 0) -> Node:
     return found
 
 
+def paired(n: Node) -> Node:
+    """Return a node for both exciters of what operators and functions of numbers alone can do."""
+    return _numbers(n, [paired(x) for x in n.parts]) if n.parts else n
+
+
 def _numbers(n: Node, x: list[Node]) -> Node:
     """Rebuild a node from numbers in the place of its parts."""
     if n.op == "ramp":
-        return x[0] + x[1] * symbol("elapsed")
+        return x[0] + x[1] * local("elapsed")
     if n.op in ("sine_2", "cosine_2"):
         angle, rate, acceleration = x
         sine, cosine, square = node("sine", angle), node("cosine", angle), rate * rate

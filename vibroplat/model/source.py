@@ -8,6 +8,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import NamedTuple
 
+from vibroplat.config.kloss import kloss
 from vibroplat.model.graph import Node, circle, local, parameter, ramp, size, symbol, total
 from vibroplat.model.parameters import PARAMETERS
 
@@ -39,15 +40,11 @@ def unknowns(letter: str) -> SimpleNamespace:
     return SimpleNamespace(**{name: symbol(f"{letter}_{name}", pair=name == "angle") for name in NAMES})
 
 
-def kloss(slip: Node, critical: Node, p: SimpleNamespace) -> Node:
-    """Torque in the motor's own direction 2 M_c Δ u/(Δ² + u²), with slip speed u and critical slip speed Δ (1)."""
-    return 2.0 * p.torque * (critical * slip) / (critical * critical + slip * slip)
-
-
 def motor(speed: Node, p: SimpleNamespace) -> Node:
-    """Torque of the motors at their speeds, counter-clockwise."""
-    slip = ramp(p.speed, p.speed_ramp) - p.direction * speed
-    return p.direction * kloss(slip, ramp(p.slip_speed, p.slip_ramp), p)
+    """Torque of the motors at their speeds, counter-clockwise (1): that of Kloss, under a supply that may change."""
+    slip, critical = ramp(p.speed, p.speed_ramp) - p.direction * speed, ramp(p.slip_speed, p.slip_ramp)
+    torque: Node = p.direction * kloss(slip, critical, p.torque)
+    return torque
 
 
 def resistance(speed: Node, p: SimpleNamespace) -> Node:
@@ -69,24 +66,33 @@ def equations(
     ay = lifted + p.axis_x * a.phi - p.axis_y * centre - p.axis_x * third
     turned = p.axis_x * sine_2 - p.axis_y * cosine_2
     curved = total(p.unbalance * (p.axis_y * sine_2 + p.axis_x * cosine_2))
+    # what holds the platform, and the upper layer
+    hold_x, hold_phi = p.damping_x * v.x + p.stiffness_x * q.x, p.damping_phi * v.phi + p.stiffness_phi * q.phi
+    hold_y = p.damping_y * v.y + p.stiffness_y * q.y
     spring = p.layer_stiffness * q.upper + p.layer_damping * v.upper
     lower = lifted + a.gap
+    pressed = force  # what the deck exerts on the lower layer, and the lower layer on the deck
     return Rows(
         # (2)
-        x=p.mass * level + p.damping_x * v.x + p.stiffness_x * q.x + total(p.unbalance * cosine_2) + friction,
-        y=p.mass * lifted + p.damping_y * v.y + p.stiffness_y * q.y + total(p.unbalance * sine_2) + force,
+        x=p.mass * level + hold_x + total(p.unbalance * cosine_2) + friction,
+        y=p.mass * lifted + hold_y + total(p.unbalance * sine_2) + pressed,
         phi=p.inertia * a.phi
-        + p.damping_phi * v.phi
-        + p.stiffness_phi * q.phi
+        + hold_phi
         + total(p.deck * net + p.unbalance * turned)
         - q.phi * curved
         - p.deck_height * friction,
         # (3)
         angle=p.exciter_inertia * a.angle + p.unbalance * (cosine * ay - sine * ax) - net,
         # (4), and (6) in contact
-        gap=p.lower_mass * lower - p.upper_mass * spring - force,
+        gap=p.lower_mass * lower - p.upper_mass * spring - pressed,
         upper=lower + a.upper + spring,
         # material along the deck: stick holds it, in slip friction is that of Coulomb
         along=p.material_mass * (level - p.deck_height * a.phi + a.along) - friction,
         law=STUCK * (p.material_mass * a.along) + SLIPS * (friction + SLIDING * force),
     )
+
+
+def elastic_energy(q: SimpleNamespace, p: SimpleNamespace) -> Node:
+    """Energy in the springs (J)."""
+    platform = p.stiffness_x * (q.x * q.x) + p.stiffness_y * (q.y * q.y) + p.stiffness_phi * (q.phi * q.phi)
+    return 0.5 * (platform + p.upper_mass * p.layer_stiffness * (q.upper * q.upper))

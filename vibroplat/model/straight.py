@@ -6,12 +6,25 @@ What a system does not have is 0 in one text for all of them, and what only some
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import groupby
+from types import SimpleNamespace
 from typing import NamedTuple
 
-from vibroplat.model.graph import ZERO, Node, derivative, in_order, labelled, local, node, scalar, substituted, symbol
-from vibroplat.model.source import P, Rows, equations, unknowns
+from vibroplat.model.graph import (
+    ZERO,
+    Node,
+    derivative,
+    in_order,
+    labelled,
+    local,
+    node,
+    paired,
+    scalar,
+    substituted,
+    symbol,
+)
+from vibroplat.model.source import P, Rows, elastic_energy, equations, motor, resistance, unknowns
 
 #: Coordinates: their places among those of a system, and what a system must have to have them.
 PLACES = {
@@ -56,10 +69,13 @@ _SYSTEM = """
 _SIGNS = {"sum": "+", "difference": "-", "product": "*"}
 _CALLS = {"sine": "np.sin({})", "cosine": "np.cos({})", "inverse": "0.0 if {0} == 0.0 else 1.0 / ({0})"}
 _CALLS |= {"sense": "np.copysign(1.0, {})", "negative": "-{}"}
+#: The same for lanes.
+_OF_LANES = {"inverse": "select({0} == 0.0, 0.0, 1.0 / ({0}))", "sense": "sense_of({})", "negative": "-{}"}
 #: What stands in brackets inside of others: as their first and as their second part.
 _LOOSE: dict[tuple[str, int], tuple[str, ...]] = {
-    **dict.fromkeys([("sum", 0), ("sum", 1), ("difference", 0)], ()),
-    ("difference", 1): ("sum", "difference"),
+    **dict.fromkeys([("sum", 0), ("difference", 0)], ()),
+    # what exactly cancels between exciters that mirror each other must be added up first
+    **dict.fromkeys([("sum", 1), ("difference", 1)], ("sum", "difference")),
     ("product", 0): ("sum", "difference"),
     ("product", 1): ("sum", "difference", "product", "negative"),
 }
@@ -80,7 +96,7 @@ class Output(NamedTuple):
 def traced() -> tuple[Rows, dict[str, Node]]:
     """Trace the equations: rows of pairs, and all unknowns by their names."""
     q, v, a = unknowns("q"), unknowns("v"), unknowns("a")
-    found = {"force": symbol("force"), "friction": symbol("friction"), "elapsed": symbol("elapsed")}
+    found = {"force": symbol("force"), "friction": symbol("friction"), "elapsed": local("elapsed")}
     rows = labelled(equations, q, v, a, found["force"], found["friction"], P)
     for letter, of in (("q", q), ("v", v), ("a", a)):
         found |= {f"{letter}_{name}": n for name, n in vars(of).items()}
@@ -93,7 +109,7 @@ def of_one(rows: Rows) -> dict[str, Node]:
     return found | {f"angle_{i}": scalar(rows.angle, i) for i in (0, 1)}
 
 
-def lines_of(outputs: list[Output]) -> Iterator[str]:
+def lines_of(outputs: list[Output], calls: Mapping[str, str] = _CALLS) -> Iterator[str]:
     """Write statements, those below conditions after the others; what is used more than once has a name."""
     names: dict[Node, str] = {}
     uses = Counter(part for n in in_order(o.value for o in outputs) for part in n.parts)
@@ -108,11 +124,11 @@ def lines_of(outputs: list[Output]) -> Iterator[str]:
             yield f"    if {condition}:"
         for n in in_order(o.value for o in stores):
             if n.parts and n not in known and (uses[n] > 1 or n.op in _NAMED) and n.op != "negative":
-                text = text_of(n, known)
+                text = text_of(n, known, calls)
                 known[n] = name_of(n, taken)
                 yield f"{indent}{known[n]} = {text}"
         for output in stores:
-            yield f"{indent}{output.place} = {text_of(output.value, known)}"
+            yield f"{indent}{output.place} = {text_of(output.value, known, calls)}"
         if not condition:
             names = known
 
@@ -128,20 +144,20 @@ def name_of(n: Node, taken: set[str]) -> str:
     return name
 
 
-def text_of(n: Node, names: dict[Node, str]) -> str:
+def text_of(n: Node, names: dict[Node, str], calls: Mapping[str, str] = _CALLS) -> str:
     """Write an expression."""
     if n in names:
         return names[n]
     if n.op == "number":
         return repr(n.args[0])
     if n.op == "parameter":
-        return f"p.{n.args[0]}"
+        return f"both(p.{n.args[0]})" if n.pair else f"p.{n.args[0]}"
     if not n.parts:
         return str(n.args[0])
-    texts = [text_of(x, names) for x in n.parts]
+    texts = [text_of(x, names, calls) for x in n.parts]
     if n.op not in _SIGNS:
         inside = f"({texts[0]})" if n.op == "negative" and " " in texts[0] else texts[0]
-        return _CALLS[n.op].format(inside)
+        return calls[n.op].format(inside)
     loose = [x not in names and x.op in _LOOSE[n.op, i] for i, x in enumerate(n.parts)]
     a, b = (f"({text})" if within else text for text, within in zip(texts, loose, strict=True))
     return f"{a} {_SIGNS[n.op]} {b}"
@@ -153,7 +169,7 @@ _UNKNOWNS = {"q": "y[{}]", "v": "y[n + {}]", "a": "yp[n + {}]"}
 
 def loads(outputs: list[Output]) -> Iterator[str]:
     """Write where the unknowns that are needed come from."""
-    needed = {n.args[0] for n in in_order(o.value for o in outputs) if n.op == "symbol"}
+    needed = {n.args[0] for n in in_order(o.value for o in outputs) if n.op in ("symbol", "local")}
     for letter, where in _UNKNOWNS.items():
         for name, (place, condition) in PLACES.items():
             if f"{letter}_{name}" in needed:
@@ -230,13 +246,30 @@ def rates_of_rows() -> str:
     """Write minus the rates of the dynamic rows at constant accelerations and forces of contact."""
     outputs = []
     for name, row in of_one(traced()[0]).items():
-        rate = derivative(row, symbol("elapsed"))
+        rate = derivative(row, local("elapsed"))
         for other in PLACES:
             for before, after in (("q", "v"), ("v", "a")):
                 rate = rate + derivative(row, symbol(f"{before}_{other}")) * symbol(f"{after}_{other}")
         if name != "law":
             outputs.append(Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -rate))
     return write("def rates_of_rows(system, t, y, yp, b, p):", outputs)
+
+
+def slopes() -> str:
+    """Write the slopes of what resists x, y, φ, y_w1, y_w2 by coordinates and by rates, where these are 0."""
+    given, values = of_one(traced()[0]), []
+    symbols = {symbol(f"{letter}_{name}"): ZERO for name in PLACES for letter in "qva"}
+    for letter in "qv":
+        names = ("x", "y", "phi", "gap", "upper")
+        each = [substituted(derivative(given[name], symbol(f"{letter}_{name}")), symbols) for name in names]
+        values.append(f"({', '.join(text_of(value, {}) for value in each)})")
+    return f"{_HEAD}\n\ndef slopes(p):\n    return {', '.join(values)}\n"
+
+
+def elastic() -> str:
+    """Write the energy in the springs at a full state."""
+    names = {symbol(f"q_{name}"): f"state[{i}]" for i, name in enumerate(("x", "y", "phi", "", "", "gap", "upper"))}
+    return f"def elastic(state, p):\n    return {text_of(elastic_energy(unknowns('q'), P), names)}\n"
 
 
 def couplings() -> str:
@@ -247,3 +280,28 @@ def couplings() -> str:
     names = {node("sine", angle): "sine", node("cosine", angle): "cosine", symbol("q_phi"): "phi"}
     values = [text_of(derivative(row, symbol(f"a_{name}")), names) for name in ("x", "y", "phi")]
     return f"{_HEAD}\n\ndef couplings(i, phi, sine, cosine, p):\n    return Unbalance({', '.join(values)})\n"
+
+
+def torque_of_one() -> str:
+    """Write the torque of exciter i's motor."""
+    found = scalar(labelled(motor, symbol("speed"), P), "i")
+    lines = "\n".join(lines_of([Output("", "torque", found)]))
+    return f"{_HEAD}\n\ndef torque_of_one(i, t, speed, p):\n    elapsed = t - p.since\n{lines}\n    return torque\n"
+
+
+def of_lanes(head: str, law: Callable[[Node, SimpleNamespace], Node]) -> str:
+    """Write a torque of both exciters side by side, at one time or several."""
+    found = paired(labelled(law, symbol("speed", pair=True), P))
+    lines = "\n".join(lines_of([Output("", "torque", found)], _OF_LANES))
+    imports = "from vibroplat.kernels.vectors import both, select, sense_of\n"
+    return f"{imports}\n\ndef {head}:\n    elapsed = t - p.since\n{lines}\n    return torque\n"
+
+
+def torques() -> str:
+    """Write the torques of the motors."""
+    return of_lanes("motor_torques(t, speed, p)", motor)
+
+
+def resistances() -> str:
+    """Write the resistances to rotation."""
+    return of_lanes("resistances(speed, p)", resistance).replace("    elapsed = t - p.since\n", "")

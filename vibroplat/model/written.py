@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibroplat.model import straight
+from vibroplat.model import recurrences, straight
 
 #: Writers of all texts.
 WRITERS = (
@@ -13,7 +13,8 @@ WRITERS = (
         straight.loads_on_rows,
         straight.rates_of_rows,
     ),
-    straight.couplings,
+    *(straight.torque_of_one, straight.torques, straight.resistances),
+    *(straight.couplings, straight.slopes, straight.elastic, recurrences.plain, recurrences.along),
 )
 
 if __name__ == "__main__":
