@@ -422,18 +422,6 @@ def total(both: Any) -> Any:
 
 
 @inlined
-def both(numbers: FloatArray) -> Any:
-    """Put the numbers of both exciters side by side."""
-    return join(numbers[0], numbers[1])
-
-
-@inlined
-def sense_of(x: Any) -> Any:
-    """Sense of a number, ±1; 0 for none."""
-    return select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0))
-
-
-@inlined
 def four(first: Lanes, second: Lanes, third: Lanes, fourth: Lanes) -> Any:
     """Put four values side by side."""
     return join(join(first, second), join(third, fourth))

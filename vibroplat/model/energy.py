@@ -13,9 +13,9 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined, written
 from vibroplat.kernels.sines import sine_cosine
-from vibroplat.kernels.vectors import Lanes, both, size, some, zero
+from vibroplat.kernels.vectors import Lanes, size, some, zero
 from vibroplat.model import straight
-from vibroplat.model.motor import resistances
+from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, inertial, unbalance
 from vibroplat.model.springs import DAMPERS, slopes

@@ -5,9 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined, written
-from vibroplat.kernels.vectors import Lanes
+from vibroplat.kernels.vectors import Lanes, Pair, join, select
 from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
+
+
+@inlined
+def both(numbers: FloatArray) -> Pair:
+    """Put the numbers of both exciters side by side."""
+    return join(numbers[0], numbers[1])
+
+
+@inlined
+def sense_of(x: Lanes) -> Lanes:
+    """Sense of a number, ±1; 0 for none."""
+    return select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0))
 
 
 @inlined

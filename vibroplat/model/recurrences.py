@@ -21,7 +21,8 @@ PAIRS, SINGLES = 12, 10
 
 _HEAD = """
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import align_stack, at, both, four, join, part, select, sense_of, some, total, zero
+from vibroplat.kernels.vectors import align_stack, at, four, join, part, select, some, total, zero
+from vibroplat.model.motor import both, sense_of
 from vibroplat.model.platform import compliance, couplings, mobility, solve_rows
 from vibroplat.model.series import SHARE, begin_along, put_along, touched
 

@@ -293,7 +293,7 @@ def of_lanes(head: str, law: Callable[[Node, SimpleNamespace], Node]) -> str:
     """Write a torque of both exciters side by side, at one time or several."""
     found = paired(labelled(law, symbol("speed", pair=True), P))
     lines = "\n".join(lines_of([Output("", "torque", found)], _OF_LANES))
-    imports = "from vibroplat.kernels.vectors import both, select, sense_of\n"
+    imports = "from vibroplat.kernels.vectors import select\nfrom vibroplat.model.motor import both, sense_of\n"
     return f"{imports}\n\ndef {head}:\n    elapsed = t - p.since\n{lines}\n    return torque\n"
 
 

@@ -19,9 +19,9 @@ from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import crossing, value
 from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import both, join, load_2, load_4, load_16, part, store, total, zero
+from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, total, zero
 from vibroplat.model.energy import DISSIPATIONS, FRICTION, exciter_powers, powers
-from vibroplat.model.motor import motor_torques
+from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import (
