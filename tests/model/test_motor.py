@@ -6,15 +6,38 @@ import numpy as np
 import pytest
 
 from vibroplat import Scene
+from vibroplat.kernels.compiled import compiled
 from vibroplat.model.accelerations import accelerations, second_derivatives
-from vibroplat.model.equations import jacobian
-from vibroplat.model.motor import kloss_slope, kloss_torque, motor_powers, motor_torque, net_slope, torque_rate
+from vibroplat.model.equations import jacobian, rates_of_rows
+from vibroplat.model.motor import motor_powers, motor_torque
 from vibroplat.model.parameters import blank_record, parameters
 from vibroplat.model.systems import SYSTEMS
 
 from .helpers import TIME, central_difference, random_states, scene_of, torque_by_quotient
 
 CRITICAL, SLIP, SYNCHRONOUS = 1.2, 0.15, 160.0
+BARE = SYSTEMS[0]
+
+
+@compiled
+def fill_rates(t, y, yp, b, p):
+    rates_of_rows(0, t, y, yp, b, p)
+
+
+def torque_rate(i, t, speed, p):
+    """Rate of a motor's torque at constant speed: that of its exciter's row, where nothing else moves."""
+    y, b = np.zeros(BARE.size), np.zeros(BARE.size)
+    y[8 + i] = speed
+    fill_rates(t, y, np.zeros(BARE.size), b, p)
+    return b[8 + i]
+
+
+def net_slope(i, t, speed, p):
+    """Slope of torque less resistance by the speed, in its exciter's row."""
+    y, jac = np.zeros(BARE.size), np.empty((BARE.size, BARE.size))
+    y[8 + i] = speed
+    jacobian(0, t, y, np.zeros(BARE.size), 0.0, jac, p)
+    return -jac[8 + i, 8 + i]
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -39,8 +62,9 @@ def test_torque_at_known_slips(direction):
 
 @pytest.mark.parametrize(("slip", "critical", "torque"), [(30.0, 24.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, CRITICAL)])
 def test_a_switched_off_supply_and_one_of_0_hz_have_no_torque(slip, critical, torque):
-    assert kloss_torque(slip, critical, torque) == 0.0
-    assert kloss_slope(slip, critical, torque) == 0.0
+    p = blank_record()
+    p.direction, p.speed, p.slip_speed, p.torque = 1.0, slip, critical, torque
+    assert motor_torque(0, 0.0, 0.0, p) == 0.0
 
 
 #: Speeds beyond the synchronous ones, below, at rest, and against them (rad/s).

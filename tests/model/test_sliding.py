@@ -5,8 +5,9 @@ import pytest
 
 from vibroplat.config.sections import Transport
 from vibroplat.model.energy import energies
+from vibroplat.model.equations import jacobian, residual
 from vibroplat.model.parameters import parameters
-from vibroplat.model.sliding import jacobian, residual, sliding_energies, sliding_impact
+from vibroplat.model.sliding import sliding_energies, sliding_impact
 from vibroplat.model.systems import MOVING_SIZE, SYSTEMS
 
 from .helpers import SIZES, TIME, central_difference, name_of, scene_of, settled

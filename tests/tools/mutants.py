@@ -22,21 +22,20 @@ ROOT = Path(__file__).parents[2]
 BY_ROOM = [
     # the model
     ("model", [
-        "p.damping_x * v[0] + p.stiffness_x * q[0] → p.damping_x * v[0] - p.stiffness_x * q[0]",
-        "first.lever * q1 + second.lever * q2 - held[2] → first.lever * q1 - second.lever * q2 - held[2]",
-        "b + phi * d, d - phi * b, b, d → b + phi * d, d + phi * b, b, d",
-        "return 2.0 * torque * critical * slip / square → return torque * critical * slip / square",
-        "return friction * speed * abs(speed) → return friction * speed * speed",
-        "p.lower_mass * lower - (p.upper_mass * held[4] - held[3]) - force → p.lower_mass * lower + (p.upper_mass * held[4] - held[3]) - force",
-        "stiffness[4], damping[4] + cj → stiffness[4], damping[4] - cj",
-        "-u.lever * a - u.phi * q, cj * u.phi → -u.lever * a + u.phi * q, cj * u.phi",
+        "p.damping_x * v.x + p.stiffness_x * q.x → p.damping_x * v.x - p.stiffness_x * q.x",
+        "return 2.0 * torque * (critical * slip) / → return torque * (critical * slip) /",
         "response[5] = 1.0 / p.lower_mass - response[1] → response[5] = 1.0 / p.lower_mass + response[1]",
         "upper = p.upper_mass * damping[4] * squares → upper = damping[4] * squares",
         "heights - unbalance(0, state, p).x - unbalance(1, state, p).x → heights - unbalance(0, state, p).x",
-        "inertias[i] - acting[i]\n → inertias[i] + acting[i]\n",
-        "- p.deck[1] * net_2 → + p.deck[1] * net_2",
-        "jac[n + 2, row] += p.deck[i] * slope → jac[n + 2, row] -= p.deck[i] * slope",
         "total(total(motor - held)) → total(total(motor))",
+        # the equations, and what is written from them
+        "+ total(p.deck * net + p.unbalance * turned) → + total(p.deck * net - p.unbalance * turned)",
+        "ay = lifted + p.axis_x * a.phi → ay = lifted - p.axis_x * a.phi",
+        "p.friction * (speed * size(speed)) → p.friction * (speed * speed)",
+        "p.lower_mass * lower - p.upper_mass * spring - pressed → p.lower_mass * lower + p.upper_mass * spring - pressed",
+        "+ twice * {self.at_zero(a)} → + {self.at_zero(a)}",
+        "d[0] * x[1] + x[0] * d[1] → d[0] * x[1] - x[0] * d[1]",
+        "-(n * n * d[0]) → n * n * d[0]",
     ]),
     ("model config", [
         "exciters[1].position_m or (-x, y) → exciters[1].position_m or (x, y)",

@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.kloss import kloss
 from vibroplat.config.schema import (
     PERTURBATION,
     Angle,
@@ -128,7 +129,8 @@ class Motor(Section):
     def torque(self, slip_speed: T, frequency: float) -> T:
         """Torque by Kloss's formula (N·m) at slip speeds ω_0 - ω (rad/s) and a supply frequency above 0 (Hz)."""
         critical = self.critical_slip_speed(frequency)
-        return 2.0 * self.critical_torque_n_m * critical * slip_speed / (critical**2 + slip_speed**2)
+        torque: T = kloss(slip_speed, critical, self.critical_torque_n_m)
+        return torque
 
 
 class Exciter(Motor):

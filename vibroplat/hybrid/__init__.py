@@ -10,13 +10,11 @@ To add
 * a contact law: its name in ``Contact.impact_law`` (:mod:`vibroplat.config.sections`) and in ``IMPACT_LAWS``
   (:mod:`vibroplat.model.parameters`), its formula in :func:`vibroplat.model.impact.impulse_response`, a case in
   ``tests/model/test_impact.py``. Modes and resets do not change.
-* a spring or a damper: its key in :mod:`vibroplat.config.sections`, its coefficient in
-  :mod:`vibroplat.model.parameters`, its term in :mod:`vibroplat.model.springs`. ``tests/model/test_new_force.py`` does.
-* another force: its term in :func:`vibroplat.model.platform.forces`, its derivative in
-  :func:`vibroplat.model.equations.jacobian`, its recurrence in :func:`vibroplat.model.series.expand` and its power in
-  :func:`vibroplat.model.energy.powers`. The sympy derivation in ``tests/model/test_equations.py`` judges them.
+* a force: its key in :mod:`vibroplat.config.sections`, its coefficient in :mod:`vibroplat.model.parameters`, its term
+  in :mod:`vibroplat.model.source`. ``tests/model/test_new_force.py`` does. The sympy derivation in
+  ``tests/model/test_equations.py`` judges the equations.
 * a mode: its name in :class:`vibroplat.config.coordinates.Mode`, its unknowns in
-  :data:`vibroplat.model.systems.SYSTEMS`, its rows in :func:`vibroplat.model.equations.rows`, its guard in
+  :data:`vibroplat.model.systems.SYSTEMS`, what it has in :mod:`vibroplat.model.straight`, its guard in
   :mod:`~vibroplat.hybrid.modes`, its reset in :mod:`~vibroplat.hybrid.resets`, called by
   :func:`~vibroplat.hybrid.loop.end_segment`.
 * an integrator: see :mod:`vibroplat.integrate.interface`.

@@ -39,7 +39,6 @@ from vibroplat.kernels.compiled import (
     void_pointer,
 )
 from vibroplat.kernels.linear import condense, solve_condensed
-from vibroplat.model import sliding
 from vibroplat.model.equations import finite
 from vibroplat.model.equations import jacobian as fill_jacobian
 from vibroplat.model.equations import residual as fill_residual
@@ -97,16 +96,6 @@ def residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
     return _OK if whole else _NOT_FINITE
 
 
-@callback("int32(float64, intp, intp, intp, voidptr)")
-def sliding_residual(t: float, y: int, yp: int, res: int, data: Any) -> int:
-    """Do as :func:`residual` with transport."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    links.residuals += 1
-    values, slopes, p = _values(y, links), _values(yp, links), _parameters(links)
-    whole = sliding.residual(links.system, links.origin + t, values, slopes, _values(res, links), p)
-    return _OK if whole else _NOT_FINITE
-
-
 @compiled
 def _condensed(links: Any) -> FloatArray:
     return carray(pointer(links.solver), (links.size - links.half, links.size))
@@ -123,21 +112,6 @@ def jacobian(
     m = size - links.half
     rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
     fill_jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, _parameters(links))
-    links.cj = cj
-    return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
-
-
-@callback("int32(float64, float64, intp, intp, intp, intp, voidptr, intp, intp, intp)")
-def sliding_jacobian(
-    t: float, cj: float, y: int, yp: int, res: int, matrix: int, data: Any, work_1: int, work_2: int, work_3: int
-) -> int:
-    """Do as :func:`jacobian` with transport."""
-    links = carray(data, (1,), dtype=LINKS)[0]
-    links.jacobians += 1
-    size, p = links.size, _parameters(links)
-    m = size - links.half
-    rows, dynamic = links.rows[: size * size].reshape((size, size)), links.dynamic[: m * m].reshape((m, m))
-    sliding.jacobian(links.system, links.origin + t, _values(y, links), _values(yp, links), cj, rows, p)
     links.cj = cj
     return _OK if condense(rows, cj, dynamic, _condensed(links)) else _SINGULAR
 
@@ -175,10 +149,6 @@ def guard(t: float, y: int, yp: int, value: Any, data: Any) -> int:
     value[0] = _values(y, links)[links.guard]
     return _OK
 
-
-#: Residual and Jacobian of a mode.
-CALLBACKS = residual, jacobian
-SLIDING_CALLBACKS = sliding_residual, sliding_jacobian
 
 #: Addresses of IDAGetDky, of a solver's memory and of its vectors: what interpolates in its last step.
 Inside = tuple[int, int, int, int]

@@ -167,13 +167,11 @@ class NativeEngine:
         links["half"] = system.differential // 2
         y, yp = (self._vector(array[mode, : system.size]) for array in (n.y, n.yp))
         memory = self._made(lib.IDACreate(self._context), lib.IDAFree, by_reference=True)
-        ours = ida.SLIDING_CALLBACKS if system.slides else ida.CALLBACKS
-        residual, jacobian = (function.address for function in ours)
-        _check(lib.IDAInit(memory, residual, 0.0, y, yp))
+        _check(lib.IDAInit(memory, ida.residual.address, 0.0, y, yp))
         _check(lib.IDAWFtolerances(memory, ida.weights.address))
         _check(lib.IDASetUserData(memory, user))
         _check(lib.IDASetLinearSolver(memory, *self._linear_solver(system.size, y, user)))
-        _check(lib.IDASetJacFn(memory, jacobian))
+        _check(lib.IDASetJacFn(memory, ida.jacobian.address))
         _check(lib.IDASetEtaFixedStepBounds(memory, *ETA_FIXED))
         _check(lib.IDASetEtaMax(memory, ETA_MAX))
         _check(lib.IDASetDeltaCjLSetup(memory, DELTA_CJ))

@@ -24,9 +24,9 @@ from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
 from vibroplat.kernels.compiled import NOWHERE, Callee, FloatArray
+from vibroplat.model.equations import jacobian as fill_jacobian
+from vibroplat.model.equations import residual as fill_residual
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.sliding import jacobian as fill_jacobian
-from vibroplat.model.sliding import residual as fill_residual
 from vibroplat.model.systems import SYSTEMS, System
 from vibroplat.system.forks import lock
 

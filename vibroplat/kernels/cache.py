@@ -57,8 +57,9 @@ SHIPPED = "kernels/machine_code"
 
 #: Folders of the package whose functions are compiled.
 ROOMS = ("kernels", "model", "hybrid", "integrate", "observe")
-#: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates.
-SHARED = ("config/coordinates.py",)
+#: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates;
+#: and with what is written into them.
+SHARED = ("config/coordinates.py", "config/kloss.py")
 #: Settings of numba that change machine code. With Intel's SVML it calls a library that other machines may lack.
 SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "BOUNDSCHECK", "USING_SVML")
 

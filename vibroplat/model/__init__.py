@@ -1,19 +1,25 @@
-"""The equations of motion, each term written once.
+"""The equations of motion, stated once, and what is written from them.
 
 =================  =====================================================================================
 parameters         the constants of the equations as a record, filled from a scene
-motor              torque of the motors and resistance to rotation, with their slopes
-springs            forces of springs and dampers, with their slopes
-platform           mass matrix and forces of platform and exciters, and where the model holds
-systems            the five systems: which unknowns each has, and where they stand in the full state
-equations          rows of the differential-algebraic equations F(t, y, y′) = 0 and their Jacobian
+source             the equations, as a person writes them
+graph              expressions that the source is traced into, and their derivatives
+straight           writes rows, Jacobian, mass matrix, loads, rates, torques and slopes from the source
+recurrences        writes the Taylor series from the source
+written            prints what is written: ``python -m vibroplat.model.written``
+motor              torque of the motors and resistance to rotation, for what reads a run
+springs            stiffnesses and dampings, for energies, powers and loads
+platform           mass matrix of platform and exciters and its inverse, and where the model holds
+systems            the systems: which unknowns each has, and where they stand in the full state
+equations          rows of the differential-algebraic equations F(t, y, y′) = 0 and their Jacobian, as kernels
 accelerations      y′ and F_c by a direct solve, their derivatives along the motion and by the state
 impact             the impact map, and the chatter map: impacts that accumulate
 energy             energies, momentum and powers
 sensitivity        derivatives of F, of the accelerations and of the impact map by any key of a scene
 =================  =====================================================================================
 
-To add a spring or a damper, edit ``springs.restoring``: residual, Jacobian, series, energies, powers, loads and
-derivatives by parameters follow. To change another force, edit ``platform.forces``, its derivatives in
-``equations.jacobian`` and its terms in ``series``. Nothing here knows an integrator, a tolerance or a scene's run.
+To add a force, add it to ``source.equations`` (a spring to ``source.elastic_energy`` as well) and its coefficients to
+``parameters``: rows, Jacobian, series, consistent starts, loads, multipliers and derivatives by parameters follow. A
+damper on a coordinate that has had none gets a line in ``springs.DAMPERS``, for the audit. Nothing here knows an
+integrator, a tolerance or a scene's run.
 """

@@ -10,109 +10,84 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.model.equations import (
-    Coupled,
-    coupled_rows,
-    dynamic_jacobian,
-    finite,
-    jacobian,
-    mass_matrix,
-    rates_of_rows,
-)
+from vibroplat.model.equations import dynamic_jacobian, finite, loads, mass_matrix, rates_of_rows
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import compliance, is_definite, mobility, solve_rows, unbalances
-from vibroplat.model.sliding import sliding_accelerations, sliding_second_derivatives
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, SIZES, SLIDES, gather
-
-
-@compiled
-def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
-    """Solve (∂F/∂z) z = b for accelerations and F_c.
-
-    Attached, the lower layer's row m_w1 ÿ − F_c = b is added to the platform's row of y, which leaves a platform whose
-    mass there is M + m_w1. Of the unknowns ``y`` coordinates are read. From place n on ``z``, shape (size,), holds the
-    right-hand sides of the dynamic rows, in the order of the rows, and is left with accelerations and F_c.
-    """
-    solve_coupled(system, z, unbalances(y, p), p)
+from vibroplat.model.sliding import solve_sliding
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, LAYERS, SIZES, SLIDES, UPPER, gather
 
 
 @inlined
-def solve_coupled(system: int, z: FloatArray, coupled: Coupled, p: Parameters) -> None:
-    """Do as :func:`solve`, with the couplings of both exciters in this state."""
-    first, second = coupled
-    n, layers, attached = z.size // 2, LAYERS[system], ALGEBRAIC[system]
-    held = 1.0 if attached else 0.0
-    inverse = compliance(first, second, mobility(held, p), p)
+def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
+    """Solve (∂F/∂z) z = b for accelerations and forces of contact.
+
+    Attached, the lower layer's row m_w1 ÿ − F_c = b is added to the platform's row of y, which leaves a platform whose
+    mass there is M + m_w1. Of the unknowns ``y`` coordinates are read. From place n on ``z``, shape (size,), holds the
+    right-hand sides of the dynamic rows, in the order of the rows, and is left with accelerations and forces.
+    """
+    n, layers, attached = DIFFERENTIAL[system] // 2, LAYERS[system], ALGEBRAIC[system]
+    first, second = unbalances(y, p)
     lower = upper = 0.0 * z[n]
     if layers > 0:
-        lower = z[2 * n] if attached else z[n + 5]
+        lower = z[2 * n] if attached else z[n + GAP]
     if layers == 2:
-        upper = z[2 * n - 1]
-    share = 1.0 / p.lower_mass if layers > 0 else 0.0 * p.lower_mass
+        upper = z[n + UPPER[system]]
     b = (z[n], z[n + 1], z[n + 2], z[n + 3], z[n + 4])
+    if SLIDES[system]:
+        solve_sliding(system, b, lower, upper, z, first, second, p)
+        return
+    held = 1.0 if attached else 0.0
+    inverse = compliance(first, second, mobility(held, p), p)
+    share = 1.0 / p.lower_mass if layers > 0 else 0.0 * p.lower_mass
     a, contact, opening, upper = solve_rows(held, share, b, lower, upper, inverse, p)
     for i in range(5):
         z[n + i] = a[i]
     if layers == 2:
-        z[2 * n - 1] = upper
+        z[n + UPPER[system]] = upper
     if attached:
         z[2 * n] = contact
     elif layers > 0:
-        z[n + 5] = opening
+        z[n + GAP] = opening
 
 
 @compiled
 def accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters) -> bool:
-    """Make (y, y′) consistent: find accelerations and F_c of a state.
+    """Make (y, y′) consistent: find accelerations and forces of contact of a state.
 
-    The differential unknowns in ``y`` are read; y′ and, attached, F_c in ``y`` are filled, and F_c′ in ``yp`` is set
-    to 0. Returns False if anything is not finite, or the mass matrix is not positive definite.
+    The differential unknowns in ``y`` are read; y′ and, in contact, forces in ``y`` are filled, and their rates in
+    ``yp`` are set to 0. Returns False if anything is not finite, or the mass matrix is not positive definite.
     """
-    if SLIDES[system]:
-        sliding_accelerations(system, t, y, yp, p)
-    else:
-        accelerate(system, t, y, yp, unbalances(y, p), p)
+    accelerate(system, t, y, yp, p)
     return finite(yp) and finite(y) and is_definite(y, p)
 
 
 @inlined
-def accelerate(system: int, t: float, y: FloatArray, yp: FloatArray, coupled: Coupled, p: Parameters) -> None:
-    """Do as :func:`accelerations`, with the couplings of both exciters in this state, without a look at the result."""
-    n = y.size // 2
-    if ALGEBRAIC[system]:
-        y[2 * n] = 0.0
-    for i in range(n, y.size):
-        yp[i] = 0.0
-    # without accelerations and F_c, they are the forces with their signs changed
-    coupled_rows(system, t, y, yp, yp, coupled, p)
+def accelerate(system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters) -> None:
+    """Do as :func:`accelerations`, without a look at the result."""
+    n = DIFFERENTIAL[system] // 2
     for i in range(n):
-        yp[i], yp[n + i] = y[n + i], -yp[n + i]
-    if ALGEBRAIC[system]:
-        yp[2 * n] = -yp[2 * n]
-    solve_coupled(system, yp, coupled, p)
-    if ALGEBRAIC[system]:
-        y[2 * n], yp[2 * n] = yp[2 * n], 0.0
+        yp[i] = y[n + i]
+    loads(system, t, y, yp, p)
+    solve(system, y, yp, p)
+    for i in range(2 * n, y.size):
+        y[i], yp[i] = yp[i], 0.0
 
 
 @compiled
 def second_derivatives(system: int, t: float, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: Parameters) -> bool:
-    """Find y″ and F_c′ of a consistent (y, y′), by A z′ = −(∂F/∂y) y′ − ∂F/∂t, A = ∂F/∂z.
+    """Find y″ and the rates of contact forces of a consistent (y, y′), by A z′ = −(∂F/∂y) y′ − ∂F/∂t, A = ∂F/∂z.
 
     This is F = 0 differentiated along the motion; ∂F/∂t is the rate of the motors' torques under a changing supply.
-    F_c′ in ``yp`` and y″ are filled; F_c″ is set to 0. Returns False if anything is not finite.
+    Rates of forces in ``yp`` and y″ are filled; second rates of forces are set to 0. Returns False if anything is not
+    finite.
     """
-    if SLIDES[system]:
-        return sliding_second_derivatives(system, t, y, yp, ypp, p)
-    size = y.size
-    n = size // 2
-    jac = np.empty((size, size))
-    jacobian(system, t, y, yp, 0.0, jac, p)
+    n = DIFFERENTIAL[system] // 2
     for i in range(n):
         ypp[i] = yp[n + i]
-    rates_of_rows(t, y, yp, n, jac, ypp, p)
+    rates_of_rows(system, t, y, yp, ypp, p)
     solve(system, y, ypp, p)
-    if ALGEBRAIC[system]:
-        yp[2 * n], ypp[2 * n] = ypp[2 * n], 0.0
+    for i in range(2 * n, y.size):
+        yp[i], ypp[i] = ypp[i], 0.0
     return finite(yp) and finite(ypp)
 
 
@@ -133,10 +108,9 @@ def linearize(
     """
     size = y.size
     n = size // 2
-    coupled = unbalances(y, p)
-    accelerate(system, t, y, yp, coupled, p)
-    dynamic_jacobian(system, t, y, yp, 0.0, jac, coupled, p)
-    mass_matrix(system, n, mass, coupled, p)
+    accelerate(system, t, y, yp, p)
+    dynamic_jacobian(system, t, y, yp, 0.0, jac, p)
+    mass_matrix(system, y, mass, p)
     if ALGEBRAIC[system]:
         for j in range(2 * n):
             jac[n + 1, j] += jac[2 * n, j]

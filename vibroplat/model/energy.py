@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined, written
 from vibroplat.kernels.sines import sine_cosine
 from vibroplat.kernels.vectors import Lanes, size, some, zero
+from vibroplat.model import straight
 from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, inertial, unbalance
@@ -100,6 +101,12 @@ def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: Paramete
     return product
 
 
+@inlined
+@written(straight.elastic)
+def elastic(state: FloatArray, p: Parameters) -> float:  # type: ignore[empty-body]
+    """Evaluate the energy in the springs at a full state (J)."""
+
+
 @compiled
 def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float]:
     """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s).
@@ -107,16 +114,12 @@ def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, flo
     The last number is the sum of the sizes of both unbalances' momenta beside their axes; only forces from outside
     change the vertical momentum.
     """
-    stiffness, elastic = slopes(p)[0], 0.0
-    for i in range(3):
-        elastic += stiffness[i] * state[i] ** 2
-    elastic += stiffness[3] * state[GAP] ** 2 + p.upper_mass * stiffness[4] * state[6] ** 2
     lower, upward = state[1] + state[5], np.zeros(7)
     heights = p.mass * state[1] + p.lower_mass * lower + p.upper_mass * (lower + state[6])
     upward[1] = 1.0
     return (
         0.5 * inertia_product(state, state[7:], state[7:], p),
-        0.5 * elastic,
+        elastic(state, p),
         p.gravity * (heights - unbalance(0, state, p).x - unbalance(1, state, p).x),
         inertia_product(state, upward, state[7:], p),
         p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11]),

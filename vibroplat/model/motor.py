@@ -1,77 +1,25 @@
-"""Torque of the induction motors and resistance to rotation, and the terms of their Taylor series."""
+"""Torque of the induction motors and resistance to rotation, for what reads a run."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.kernels.vectors import Lanes, Pair, join, select, size
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined, written
+from vibroplat.kernels.vectors import Lanes, Pair, join, select
+from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
 
 
-@compiled
-def kloss_torque(slip: float, critical: float, torque: float) -> float:
-    """Motor torque in its own direction L = 2 M_c Δ u/(Δ² + u²) (N·m), with slip speed u and critical slip speed Δ.
-
-    u = ω₀ − σφ̇ says how much slower than its synchronous speed the motor turns (rad/s). This is the formula of Kloss
-    (1901) with the slip s = u/ω₀ and s_c = Δ/ω₀, multiplied out so that a supply of 0 Hz divides nothing. The paper's
-    (1) has lost the slip in the denominator.
-    """
-    square = critical * critical + slip * slip
-    if square == 0.0:  # at rest at 0 Hz, where the torque has no limit: none
-        return 0.0 * torque
-    return 2.0 * torque * critical * slip / square
+@inlined
+def both(numbers: FloatArray) -> Pair:
+    """Put the numbers of both exciters side by side."""
+    return join(numbers[0], numbers[1])
 
 
-class MotorTerms(NamedTuple):
-    """What the terms of a motor's torque are made of: slip speed u and critical slip speed Δ, linear in time."""
-
-    slip: float  # u and Δ now (rad/s)
-    critical: float
-    slip_ramp: float  # rates of the supply in them (rad/s²): u′ = slip_ramp − σφ̈
-    critical_ramp: float
-    square: float  # Δ² + u² (rad²/s²)
-    share: float  # one over it; 0 for a motor at rest at 0 Hz, which has no torque
-
-
-@fused_inline
-def motor_at(i: int, t: float, speed: float, p: Parameters) -> MotorTerms:
-    """Prepare the terms of exciter i's torque at a time and a speed (rad/s)."""
-    slip, critical = slip_speeds(i, t, speed, p)
-    square = critical * critical + slip * slip
-    share = select(square > 0.0, 1.0 / square, 0.0)
-    return MotorTerms(slip, critical, p.speed_ramp[i], p.slip_ramp[i], square, share)
-
-
-@fused_inline
-def square_term(k: int, slip_square: float, motor: MotorTerms) -> float:
-    """Term k of Δ² + u² from that of u²."""
-    if k == 0:
-        return motor.square
-    if k == 1:
-        return slip_square + 2.0 * motor.critical * motor.critical_ramp
-    return slip_square + motor.critical_ramp * motor.critical_ramp if k == 2 else slip_square
-
-
-@fused_inline
-def kloss_term(slip: float, slip_before: float, products: float, motor: MotorTerms, torque: float) -> float:
-    """Term k of :func:`kloss_torque`, by (Δ² + u²) L = 2 M_c Δ u, from terms k and k − 1 of u.
-
-    ``products`` is the sum of the terms j of Δ² + u² times k − j of L, j from 1 to k; ``torque`` is M_c (N·m).
-    """
-    driving = 2.0 * torque * (motor.critical * slip + motor.critical_ramp * slip_before)
-    return (driving - products) * motor.share
-
-
-@compiled
-def kloss_slope(slip: float, critical: float, torque: float) -> float:
-    """Slope ∂L/∂u of :func:`kloss_torque` over Δ: ∂L/∂u = Δ times it, ∂L/∂Δ = −u times it (N·m·s²)."""
-    square = critical * critical + slip * slip
-    if square == 0.0:
-        return 0.0 * torque
-    return 2.0 * torque * (critical * critical - slip * slip) / (square * square)
+@inlined
+def sense_of(x: Lanes) -> Lanes:
+    """Sense of a number, ±1; 0 for none."""
+    return select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0))
 
 
 @inlined
@@ -85,31 +33,29 @@ def slip_speeds(i: int, t: float, speed: float, p: Parameters) -> tuple[float, f
 @compiled
 def motor_torque(i: int, t: float, speed: float, p: Parameters) -> float:
     """Torque L_i of exciter i's motor at a time and a speed (N·m), counter-clockwise."""
-    slip, critical = slip_speeds(i, t, speed, p)
-    return p.direction[i] * kloss_torque(slip, critical, p.torque[i])
+    return torque_of_one(i, t, speed, p)
 
 
 @inlined
-def both(numbers: FloatArray) -> Pair:
-    """Put the numbers of both exciters side by side."""
-    return join(numbers[0], numbers[1])
+@written(straight.torque_of_one)
+def torque_of_one(i: int, t: float, speed: float, p: Parameters) -> float:  # type: ignore[empty-body]
+    """Do as :func:`motor_torque`."""
 
 
 @fused_inline
-def motor_torques(t: Lanes, speed: Lanes, p: Parameters) -> Lanes:
+@written(straight.torques)
+def motor_torques(t: Lanes, speed: Lanes, p: Parameters) -> Lanes:  # type: ignore[empty-body]
     """Do as :func:`motor_torque` for both exciters side by side, once or at several times."""
-    elapsed = t - p.since
-    slip = both(p.speed) + both(p.speed_ramp) * elapsed - both(p.direction) * speed
-    critical = both(p.slip_speed) + both(p.slip_ramp) * elapsed
-    square = critical * critical + slip * slip
-    share = select(square > 0.0, 1.0 / square, 0.0)
-    return both(p.direction) * (2.0 * both(p.torque) * critical * slip * share)
 
 
 @fused_inline
-def resistances(speed: Lanes, p: Parameters) -> Lanes:
-    """Do as :func:`resistance` for both exciters side by side."""
-    return both(p.friction) * speed * size(speed)
+@written(straight.resistances)
+def resistances(speed: Lanes, p: Parameters) -> Lanes:  # type: ignore[empty-body]
+    """Resistance k_R k φ̇|φ̇| of both exciters side by side (N·m), proportional to the centrifugal force.
+
+    Its second derivative jumps where an exciter stops: multistep methods pass that without an event, and
+    ``tests/motion/test_standstill.py`` says what it costs; the Taylor series ends a step there.
+    """
 
 
 @compiled
@@ -120,34 +66,3 @@ def motor_powers(times: FloatArray, speeds: FloatArray, p: Parameters) -> FloatA
         for i in range(2):
             power[k, i] = motor_torque(i, times[k], speeds[k, i], p) * speeds[k, i] + 0.0  # never −0
     return power
-
-
-@compiled
-def torque_rate(i: int, t: float, speed: float, p: Parameters) -> float:
-    """Rate ∂L_i/∂t at constant speed (N·m/s): the supply changes."""
-    slip, critical = slip_speeds(i, t, speed, p)
-    turning = critical * p.speed_ramp[i] - slip * p.slip_ramp[i]
-    return p.direction[i] * kloss_slope(slip, critical, p.torque[i]) * turning
-
-
-@compiled
-def resistance(speed: float, friction: float) -> float:
-    """Resistance L_R = k_R k φ̇|φ̇| (N·m), proportional to the centrifugal force.
-
-    Its second derivative jumps where the exciter stops: multistep methods pass that without an event, and
-    ``tests/motion/test_standstill.py`` says what it costs; the Taylor series ends a step there.
-    """
-    return friction * speed * abs(speed)
-
-
-@fused_inline
-def resistance_term(square: float, sense: float, friction: float) -> float:
-    """Term of :func:`resistance` from that of φ̇², while the exciter turns in a sense (±1)."""
-    return friction * sense * square
-
-
-@compiled
-def net_slope(i: int, t: float, speed: float, p: Parameters) -> float:
-    """Slope d(L_i − L_Ri)/dφ̇_i of motor torque less resistance (N·m·s)."""
-    slip, critical = slip_speeds(i, t, speed, p)
-    return -critical * kloss_slope(slip, critical, p.torque[i]) - 2.0 * p.friction[i] * abs(speed)

@@ -1,12 +1,10 @@
-"""Platform and exciters: mass matrix and forces, and where the model holds.
+"""Platform and exciters: their mass matrix and its inverse, and where the model holds.
 
-Their coordinates x, y, φ, φ₁, φ₂ are the first five of every system, their rates begin at n. The mass matrix is
+Their coordinates x, y, φ, φ₁, φ₂ are the first five of every system. The mass matrix is
 
     diag(M, M, J, J_e,1, J_e,2) with the column (c_x, c_y, c_φ) of each exciter beside the platform's rows,
 
-c = k (−sin φᵢ, cos φᵢ, B). A turning unbalance pulls the platform with d φ̇ᵢ², d = −∂c/∂φᵢ = k (cos φᵢ, sin φᵢ, D).
-With the axis (X₀, Y₀) turned to first order, (X, Y) = (X₀ − φY₀, Y₀ + φX₀), as in the paper's (2):
-B = X cos φᵢ + Y sin φᵢ = B₀ + φD₀ and D = X sin φᵢ − Y cos φᵢ = D₀ − φB₀, B₀ and D₀ being those of the axis not turned.
+c = k (−sin φᵢ, cos φᵢ, B), B = X cos φᵢ + Y sin φᵢ, with the axis (X, Y) turned to first order.
 """
 
 from __future__ import annotations
@@ -15,10 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.model.motor import motor_torque, resistance
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined, written
+from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import Relative
 
 #: Minimum fraction of an exciter's own inertia that the platform's yielding may leave of it.
 MIN_INERTIA_RATIO = 1e-3
@@ -31,14 +28,11 @@ Five = tuple[float, float, float, float, float]
 
 
 class Unbalance(NamedTuple):
-    """How an unbalance couples its angle with the platform."""
+    """How an unbalance couples its angle with the platform: its column of the mass matrix."""
 
-    x: float  # column c of the mass matrix (kg·m, kg·m, kg·m²)
+    x: float  # kg·m, kg·m, kg·m²
     y: float
     phi: float
-    lever: float  # d_φ = k D; the others are d_x = c_y and d_y = −c_x. ∂d/∂φᵢ = c
-    phi_still: float  # k B₀ and k D₀: ∂c_φ/∂φ = k D₀ and ∂d_φ/∂φ = −k B₀
-    lever_still: float
 
 
 @compiled
@@ -54,35 +48,9 @@ def unbalances(y: FloatArray, p: Parameters) -> tuple[Unbalance, Unbalance]:
 
 
 @inlined
-def couplings(i: int, phi: float, sine: float, cosine: float, p: Parameters) -> Unbalance:
+@written(straight.couplings)
+def couplings(i: int, phi: float, sine: float, cosine: float, p: Parameters) -> Unbalance:  # type: ignore[empty-body]
     """Evaluate the couplings of exciter i from sine and cosine of its angle."""
-    sine, cosine = p.unbalance[i] * sine, p.unbalance[i] * cosine
-    b = p.axis_x[i] * cosine + p.axis_y[i] * sine
-    d = p.axis_x[i] * sine - p.axis_y[i] * cosine
-    return Unbalance(-sine, cosine, b + phi * d, d - phi * b, b, d)
-
-
-@inlined
-def forces(
-    t: float, y: FloatArray, n: int, first: Unbalance, second: Unbalance, held: Relative, load: float, p: Parameters
-) -> Five:
-    """Generalized forces on x, y, φ, φ₁, φ₂: all of the paper's (2), (3) without accelerations (N, N·m).
-
-    What drives and brakes an exciter whose motor is bolted to the platform turns the platform the other way.
-    ``held`` holds :func:`vibroplat.model.springs.restoring` forces; ``load`` is the vertical force with which the
-    material presses down on the platform (N). The signs are those of Lagrange's equations (`model.md`, departures).
-    """
-    vphi, w1, w2 = y[n + 2], y[n + 3], y[n + 4]
-    q1, q2, turning = w1 * w1, w2 * w2, vphi * vphi
-    net_1 = motor_torque(0, t, w1, p) - resistance(w1, p.friction[0])
-    net_2 = motor_torque(1, t, w2, p) - resistance(w2, p.friction[1])
-    return (
-        first.y * q1 + second.y * q2 - held[0],
-        -first.x * q1 - second.x * q2 - (held[1] - held[3]) - p.mass * p.gravity - load,
-        first.lever * q1 + second.lever * q2 - held[2] - p.deck[0] * net_1 - p.deck[1] * net_2,
-        net_1 - first.y * p.gravity - first.lever * turning,
-        net_2 - second.y * p.gravity - second.lever * turning,
-    )
 
 
 @inlined

@@ -1,4 +1,4 @@
-"""Material that moves along the deck with Coulomb friction: its equations, its impact, its energies.
+"""Material that moves along the deck with Coulomb friction: the response to its contact, its impact, its energies.
 
 The material's place s along the deck is one more coordinate, of all its layers together; F_t is the force of friction
 on it, towards +x, at the height h of the deck. With the mass matrix 𝓜 of (x, y, φ, φ₁, φ₂), n = (0, 1, 0, 0, 0) and
@@ -22,23 +22,18 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.model import equations
-from vibroplat.model.equations import Coupled, finite, layer_jacobian, platform_jacobian, rates_of_rows
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import (
     Compliance,
     Five,
+    Unbalance,
     compliance,
-    forces,
-    inertial,
-    is_definite,
     mobility,
     solve_platform,
     solve_rows,
     unbalances,
 )
-from vibroplat.model.springs import relative, restoring
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, GAP_RATE, LAYERS, SENSE, SLIDES, UPPER
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, GAP_RATE, LAYERS, SENSE, UPPER
 
 #: Speed of the impacts that are left of a chatter, over that of the first.
 NO_REBOUND = float(np.finfo(float).eps)
@@ -106,21 +101,28 @@ def under_contact(
 
 @inlined
 def solve_sliding(
-    system: int, b: Five, lower: float, upper: float, material: float, z: FloatArray, coupled: Coupled, p: Parameters
+    system: int,
+    b: Five,
+    lower: float,
+    upper: float,
+    z: FloatArray,
+    first: Unbalance,
+    second: Unbalance,
+    p: Parameters,
 ) -> None:
     """Solve the dynamic rows for accelerations, from place n of ``z`` on, and both forces.
 
-    Right-hand sides are those of the rows of platform and exciters, lower and upper layer, and of the material along
-    the deck.
+    Right-hand sides are those of the rows of platform and exciters, lower and upper layer; that of the material along
+    the deck is in place 2n − 1 of ``z``.
     """
     n, held = DIFFERENTIAL[system] // 2, 1.0 if ALGEBRAIC[system] else 0.0
     stuck = held if SENSE[system] == 0.0 else 0.0
     lower_share, material_share = 1.0 / p.lower_mass, p.material_share
-    inverse = compliance(coupled[0], coupled[1], mobility(0.0, p), p)
+    inverse = compliance(first, second, mobility(0.0, p), p)
     r = response(inverse, p.deck_height, lower_share, material_share)
     contact = law(held, stuck, p.kinetic_friction * SENSE[system], r)
     free, _, opening, _ = solve_rows(0.0, lower_share, b, lower, upper, inverse, p)
-    sliding = material * material_share - (free[0] - p.deck_height * free[2])
+    sliding = z[2 * n - 1] * material_share - (free[0] - p.deck_height * free[2])
     a, opening, sliding, normal, along = under_contact(free, opening, sliding, r, contact)
     for i in range(5):
         z[n + i] = a[i]
@@ -131,117 +133,6 @@ def solve_sliding(
         z[2 * n], z[2 * n + 1] = normal, along
     else:
         z[n + GAP] = opening
-
-
-@compiled
-def sliding_accelerations(system: int, t: float, y: FloatArray, yp: FloatArray, p: Parameters) -> None:
-    """Make (y, y′) consistent, as :func:`vibroplat.model.accelerations.accelerations` does."""
-    n, coupled = DIFFERENTIAL[system] // 2, unbalances(y, p)
-    first, second = coupled
-    held = restoring(relative(system, y, 0, n), relative(system, y, n, n), p)
-    b = forces(t, y, n, first, second, held, 0.0, p)
-    g = p.slope
-    b = b[0] + p.mass * g, b[1], b[2], b[3] + first.x * g, b[4] + second.x * g
-    lower = p.upper_mass * held[4] - held[3] - p.lower_mass * p.gravity
-    for i in range(n):
-        yp[i] = y[n + i]
-    solve_sliding(system, b, lower, -p.gravity - held[4], p.material_mass * g, yp, coupled, p)
-    for i in range(2 * n, y.size):
-        y[i], yp[i] = yp[i], 0.0
-
-
-@compiled
-def sliding_second_derivatives(
-    system: int, t: float, y: FloatArray, yp: FloatArray, ypp: FloatArray, p: Parameters
-) -> bool:
-    """Find y″, F_c′ and F_t′, as :func:`vibroplat.model.accelerations.second_derivatives` does."""
-    size, n = y.size, DIFFERENTIAL[system] // 2
-    jac, b = np.empty((size, size)), np.empty(size)
-    sliding_jacobian(system, t, y, yp, 0.0, jac, p)
-    for i in range(n):
-        ypp[i] = yp[n + i]
-    rates_of_rows(t, y, yp, n, jac, b, p)
-    lower = b[2 * n] if ALGEBRAIC[system] else b[n + GAP]
-    upper = b[n + UPPER[system]] if LAYERS[system] == 2 else 0.0
-    five = (b[n], b[n + 1], b[n + 2], b[n + 3], b[n + 4])
-    solve_sliding(system, five, lower, upper, b[2 * n - 1], ypp, unbalances(y, p), p)
-    for i in range(2 * n, size):
-        yp[i], ypp[i] = ypp[i], 0.0
-    return finite(yp) and finite(ypp)
-
-
-# -- rows for integrators of differential-algebraic equations --------------------------------------------------
-
-
-@compiled
-def residual(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, p: Parameters) -> bool:
-    """Do as :func:`vibroplat.model.equations.residual`, for all systems."""
-    if not SLIDES[system]:
-        return equations.residual(system, t, y, yp, res, p)
-    sliding_rows(system, t, y, yp, res, p)
-    return finite(res) and is_definite(y, p)
-
-
-@compiled
-def jacobian(system: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: Parameters) -> None:
-    """Do as :func:`vibroplat.model.equations.jacobian`, for all systems."""
-    if SLIDES[system]:
-        sliding_jacobian(system, t, y, yp, cj, jac, p)
-    else:
-        equations.jacobian(system, t, y, yp, cj, jac, p)
-
-
-@compiled
-def sliding_rows(system: int, t: float, y: FloatArray, yp: FloatArray, res: FloatArray, p: Parameters) -> None:
-    """Fill the rows of F(t, y, y′), in contact with that of friction behind that of the lower layer."""
-    n, attached = DIFFERENTIAL[system] // 2, ALGEBRAIC[system]
-    first, second = unbalances(y, p)
-    normal, along = (y[2 * n], y[2 * n + 1]) if attached else (0.0, 0.0)
-    held, g = restoring(relative(system, y, 0, n), relative(system, y, n, n), p), p.slope
-    inertias = inertial(yp, n, first, second, p)
-    acting = forces(t, y, n, first, second, held, normal, p)
-    tilted = p.mass * g - along, 0.0, p.deck_height * along, first.x * g, second.x * g
-    for i in range(n):
-        res[i] = yp[i] - y[n + i]
-    for i in range(5):
-        res[n + i] = inertias[i] - acting[i] - tilted[i]
-    lower = yp[n + 1] + p.gravity + (0.0 if attached else yp[n + GAP])
-    if LAYERS[system] == 2:
-        res[n + UPPER[system]] = lower + yp[n + UPPER[system]] + held[4]
-    row = 2 * n if attached else n + GAP
-    res[row] = p.lower_mass * lower - (p.upper_mass * held[4] - held[3]) - normal
-    moved = yp[n] - p.deck_height * yp[n + 2] + yp[2 * n - 1] - g
-    res[2 * n - 1] = p.material_mass * moved - along
-    if attached:
-        sense = SENSE[system]
-        stuck = p.material_mass * yp[2 * n - 1]
-        res[2 * n + 1] = stuck if sense == 0.0 else along + p.kinetic_friction * sense * normal
-
-
-@compiled
-def sliding_jacobian(
-    system: int, t: float, y: FloatArray, yp: FloatArray, cj: float, jac: FloatArray, p: Parameters
-) -> None:
-    """Fill ∂F/∂y + c_j ∂F/∂y′ of :func:`sliding_rows`."""
-    size, n, coupled = y.size, DIFFERENTIAL[system] // 2, unbalances(y, p)
-    for i in range(size):
-        for j in range(size):
-            jac[i, j] = 0.0
-    for i in range(n):
-        jac[i, i], jac[i, n + i] = cj, -1.0
-    platform_jacobian(n, t, y, yp, cj, jac, coupled, p)
-    for i in range(2):
-        jac[n + 3 + i, 3 + i] += coupled[i].y * p.slope
-    layer_jacobian(system, n, cj, jac, p)
-    row, mass = 2 * n - 1, cj * p.material_mass
-    jac[row, n], jac[row, n + 2], jac[row, row] = mass, -p.deck_height * mass, mass
-    if ALGEBRAIC[system]:
-        force, sense = 2 * n + 1, SENSE[system]
-        jac[n, force], jac[n + 2, force], jac[row, force] = 1.0, -p.deck_height, -1.0
-        if sense == 0.0:
-            jac[force, row] = mass
-        else:
-            jac[force, force], jac[force, 2 * n] = 1.0, p.kinetic_friction * sense
 
 
 # -- impact ----------------------------------------------------------------------------------------------------

@@ -1,18 +1,15 @@
-"""Springs and dampers: every linear force of the machine, written once.
+"""Springs and dampers of the machine, as those take them who need no more than their slopes at rest.
 
-Each acts on one of the relative coordinates x, y, φ, y_w1, y_w2 and depends on that coordinate and its rate alone. Rows
-of the equations and terms of series take the forces themselves; Jacobian, energies, powers, loads and the steps of the
-variational equations take their slopes.
-
-To add a force, add its coefficient to :mod:`vibroplat.model.parameters` and its term to :func:`restoring`. A damper on
-a coordinate that has had none gets a line in :data:`DAMPERS` as well.
+Each acts on one of the relative coordinates x, y, φ, y_w1, y_w2. Energies, powers, loads and the steps of the
+variational equations take the slopes; rows and series of :mod:`vibroplat.model.source` have the forces. A damper on a
+coordinate that has had none gets a line in :data:`DAMPERS`.
 """
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.compiled import inlined, written
+from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import ALGEBRAIC, GAP, LAYERS, UPPER
 
 #: One number for each of x, y, φ, y_w1, y_w2.
 Relative = tuple[float, float, float, float, float]
@@ -26,32 +23,7 @@ DAMPERS = {
 }
 
 
-@fused_inline
-def restoring(q: Relative, v: Relative, p: Parameters) -> Relative:
-    """Evaluate the forces with which springs and dampers resist coordinates and rates (N, N, N·m, N, N/kg).
-
-    What resists y_w1 pulls the lower layer to the platform, and the platform to it; the last one is S/m_w2. Zeros are
-    literal: the compiler leaves out what is subtracted of them.
-    """
-    return (
-        p.damping_x * v[0] + p.stiffness_x * q[0],
-        p.damping_y * v[1] + p.stiffness_y * q[1],
-        p.damping_phi * v[2] + p.stiffness_phi * q[2],
-        0.0,
-        p.layer_stiffness * q[4] + p.layer_damping * v[4],
-    )
-
-
 @inlined
-def relative(system: int, y: FloatArray, first: int, n: int) -> Relative:
-    """Pick the relative coordinates from place 0 of the unknowns on, or their rates from place n on; 0 for others."""
-    gap = y[first + GAP] if LAYERS[system] > 0 and not ALGEBRAIC[system] else 0.0
-    upper = y[first + UPPER[system]] if LAYERS[system] == 2 else 0.0
-    return y[first], y[first + 1], y[first + 2], gap, upper
-
-
-@compiled
-def slopes(p: Parameters) -> tuple[Relative, Relative]:
-    """Find stiffnesses and dampings: the slopes of :func:`restoring` by coordinates and by rates."""
-    ones, none = (1.0, 1.0, 1.0, 1.0, 1.0), (0.0, 0.0, 0.0, 0.0, 0.0)
-    return restoring(ones, none, p), restoring(none, ones, p)
+@written(straight.slopes)
+def slopes(p: Parameters) -> tuple[Relative, Relative]:  # type: ignore[empty-body]
+    """Find stiffnesses and dampings: what resists each relative coordinate, by the coordinate and by its rate."""
