@@ -33,6 +33,7 @@ from numba.extending import intrinsic
 
 from vibroplat.errors import VibroplatError
 from vibroplat.kernels.cache import cache_of
+from vibroplat.kernels.on_demand import as_written
 from vibroplat.kernels.target import TARGET, WIDE_TARGET, InsideLibrary
 from vibroplat.system.interrupts import handlers_put_off
 
@@ -91,29 +92,6 @@ class _Callback(CFunc):
         return self._wrapper_address
 
 
-def written(write: Callable[[], str]) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Let a kernel that other kernels call be what a function writes; the one below gives its arguments alone.
-
-    The text is written when the kernel is compiled. It imports what it needs.
-    """
-
-    def mark(function: Callable[P, T]) -> Callable[P, T]:
-        function.write = write  # type: ignore[attr-defined]
-        return function
-
-    return mark
-
-
-def _as_written(function: Any) -> Any:
-    """Return the function that is to be compiled: what :func:`written` says, otherwise itself."""
-    write = getattr(function, "write", None)
-    if write is None:
-        return function
-    names: dict[str, Any] = {"__name__": function.__module__}
-    exec(compile(write(), function.__code__.co_filename, "exec"), names)
-    return names[function.__name__]
-
-
 class Kernel(_Dispatcher):
     """A kernel that Python and other kernels call, each what is compiled for it; most have only one kind of caller."""
 
@@ -134,7 +112,7 @@ class Kernel(_Dispatcher):
     @cached_property
     def _inside(self) -> Any:
         """The kernel as others call it; where all are on disk, none is needed."""
-        function = _as_written(self.py_func)
+        function = as_written(self.py_func)
         twin = FunctionType(function.__code__, function.__globals__, closure=function.__closure__)
         # numba keeps a function by its name
         twin.__module__, twin.__qualname__ = function.__module__, f"{self.py_func.__qualname__}.inside"

@@ -20,7 +20,8 @@ its equation (paper (5), (6); there the damper of (6b) has the wrong sign).
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined, written
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.on_demand import written
 from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import is_definite

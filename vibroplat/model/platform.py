@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined, written
+from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.on_demand import written
 from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
 

@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.kernels.compiled import fused, fused_inline, written
+from vibroplat.kernels.compiled import fused, fused_inline
+from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.vectors import Lanes, at, four, lanes_record, zero
 from vibroplat.model import recurrences

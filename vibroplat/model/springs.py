@@ -7,7 +7,8 @@ coordinate that has had none gets a line in :data:`DAMPERS`.
 
 from __future__ import annotations
 
-from vibroplat.kernels.compiled import inlined, written
+from vibroplat.kernels.compiled import inlined
+from vibroplat.kernels.on_demand import written
 from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
 

@@ -70,7 +70,11 @@ _SIGNS = {"sum": "+", "difference": "-", "product": "*"}
 _CALLS = {"sine": "np.sin({})", "cosine": "np.cos({})", "inverse": "0.0 if {0} == 0.0 else 1.0 / ({0})"}
 _CALLS |= {"sense": "np.copysign(1.0, {})", "negative": "-{}"}
 #: The same for lanes.
-_OF_LANES = {"inverse": "select({0} == 0.0, 0.0, 1.0 / ({0}))", "sense": "sense_of({})", "negative": "-{}"}
+_OF_LANES = {
+    "inverse": "select({0} == 0.0, 0.0, 1.0 / ({0}))",
+    "sense": "select({} < 0.0, -1.0, 1.0)",
+    "negative": "-{}",
+}
 #: What stands in brackets inside of others: as their first and as their second part.
 _LOOSE: dict[tuple[str, int], tuple[str, ...]] = {
     **dict.fromkeys([("sum", 0), ("difference", 0)], ()),
@@ -293,7 +297,7 @@ def of_lanes(head: str, law: Callable[[Node, SimpleNamespace], Node]) -> str:
     """Write a torque of both exciters side by side, at one time or several."""
     found = paired(labelled(law, symbol("speed", pair=True), P))
     lines = "\n".join(lines_of([Output("", "torque", found)], _OF_LANES))
-    imports = "from vibroplat.kernels.vectors import select\nfrom vibroplat.model.motor import both, sense_of\n"
+    imports = "from vibroplat.kernels.vectors import select\nfrom vibroplat.model.motor import both\n"
     return f"{imports}\n\ndef {head}:\n    elapsed = t - p.since\n{lines}\n    return torque\n"
 
 
