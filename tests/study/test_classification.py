@@ -26,6 +26,10 @@ POSITIVE, NEGATIVE = Exponent(2.0, 0.3, TURN), Exponent(-2.0, 0.3, TURN)
 NONE, OPEN = Exponent(1e-4, 2e-3, TURN), Exponent(0.5, 0.4, TURN)
 MISSING, MERGING = Exponent(math.nan, math.nan, math.nan), Exponent(-math.inf, 0.0, TURN)
 
+TRANSPORT = {
+    f"transport.{key}": value
+    for key, value in {"friction": 0.4, "deck_height_m": 0.1, "deck_length_m": 0.6, "deck_width_m": 0.2}.items()
+}
 #: How a motion has settled.
 MAXIMUM = SettlingResult("maximum", 150.0)
 
@@ -204,6 +208,27 @@ KINDS = {
 def test_kind_of_a_section(name, kind_of):
     for points, settling, exponent, options, expected in KINDS[name]:
         assert kind_of(points, settling, exponent, **options) == expected
+
+
+NOT_SETTLED = MotionClass("undecided", 0, None, "not settled: the Poincaré section still drifts", True)
+
+
+@pytest.mark.parametrize(
+    ("points", "last", "expected"),
+    [
+        (repeating(24, 400), False, periodic(24)),
+        (torus(), False, MotionClass("non-periodic", 0)),
+        (noise(), False, MotionClass("non-periodic", 0)),
+        (section(np.linspace(0.0, 1.2e-2, 400)), False, None),  # exciters that synchronize slowly
+        (section(np.linspace(0.0, 1.2e-2, 400)), True, NOT_SETTLED),
+        (section(0.5 * np.exp(-np.arange(400) / 300.0)), True, NOT_SETTLED),
+    ],
+    ids=["24 turns", "closed curve", "chaos", "drift", "drift, last", "converges"],
+)
+def test_kind_of_a_section_with_transport(points, last, expected):
+    """There are no exponents: long periods are tried, and a drift is no motion of its own."""
+    scene = planned(LOADED, 50.0).replace(TRANSPORT)
+    assert classify(scene, scene.sweep, MAXIMUM, points, np.zeros(14), last=last) == expected
 
 
 def test_chance_decides_after_how_many_turns_motion_that_converges_repeats():

@@ -209,7 +209,7 @@ def test_the_nearest_further_value_has_the_digits_of_the_tolerance_and_is_before
     assert places.beyond(first, True)[0] == 53.8
     narrow = ScaledKey(PLAN).beyond(second, True)
     assert all(60.1 < at < 60.16 for at in narrow[:-1])
-    assert narrow[0] == pytest.approx(60.13)
+    assert narrow[0] == pytest.approx(60.127), "nearer to its own change"
 
 
 @pytest.mark.parametrize(
@@ -326,6 +326,24 @@ def test_few_starts_with_other_seeds_fail_where_all_that_were_tried_succeed(know
     assert not found.scan.loc[there.index.symmetric_difference(found.scan.index), "seed"].isin(there["seed"]).any(), (
         "no seed that was seen before"
     )
+
+
+def test_where_seeds_decide_over_a_wide_range_the_search_ends_soon_with_one_mixed_interval(known, monkeypatch):
+    """The scan alternates there: changes that lie in one mixed interval are not narrowed one by one to its end."""
+
+    def by_seed(scene, plan, state, times, key):
+        point, at = known(scene, plan, state, times, key), scene.motor.critical_torque_n_m
+        in_phase = random.Random(f"{key[0]} {at!r}").random() < 1.0 / (1.0 + math.exp((40.0 - at) / 4.0))
+        point.row.update(sync="in-phase" if in_phase else "antiphase")
+        return point
+
+    monkeypatch.setattr(search, "evaluate", by_seed)
+    plan = {name: ASKED[name] for name in ("key", "start")} | {"stop": 90.0, "compare": "regime"}
+    found = find(Scene().replace({"find": plan}))
+    ends = found.thresholds[["mixed_low", "mixed_high"]].drop_duplicates()
+    assert len(ends) == 1
+    assert (found.thresholds[["starts_below", "starts_above"]] == STARTS).all(axis=None)
+    assert len(found.scan) < 1000, "rounds go ever farther where many outcomes differ, and end at a contradiction"
 
 
 @pytest.mark.parametrize("own", [45.0, 120.0])

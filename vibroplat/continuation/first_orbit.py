@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.engine_choice import FAILED, may_succeed
 from vibroplat.continuation.newton import NewtonResult, NoConvergenceError, Problem, correct_moving_section
@@ -145,7 +146,7 @@ def smallest_period(problem: Problem, result: NewtonResult, period: int) -> int:
     for turns in range(1, period):
         if period % turns == 0:
             difference = problem.shooter.shot(state, seconds * turns / period).state - state
-            difference[3:5] -= np.round(difference[3:5] / TURN) * TURN
+            difference[3:5] = wrap(difference[3:5])
             scaled = (difference / problem.shooter.scales)[result.chart.places]
             if np.abs(scaled).max() < REPEAT_RATIO * problem.tolerance:
                 return turns

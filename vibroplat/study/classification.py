@@ -3,8 +3,9 @@
 * ``periodic`` — the Poincaré section repeats after n turns of exciter 1.
 * ``chaotic`` — it does not repeat, and neighbouring trajectories diverge: the largest Lyapunov exponent is positive.
 * ``quasi-periodic`` — it does not repeat, and neighbouring trajectories neither diverge nor converge.
-* ``undecided`` — the error of the exponent leaves its sign open, or neighbours converge but no period is found.
-* ``non-periodic`` — it does not repeat, and the plan asks for no exponent.
+* ``undecided`` — the error of the exponent leaves its sign open, or neighbours converge but no period is found, or the
+  section still drifts, as while exciters synchronize slowly: the motion has not settled.
+* ``non-periodic`` — it does not repeat, and there is no exponent: the plan asks for none, or material is transported.
 
 Two aperiodic motions are different attractors, or stretches of the same motion. Each is measured in blocks. The bounds
 of its measures over the blocks of a window are its class. Chaos may stay in one class for minutes before it changes
@@ -51,6 +52,8 @@ ZERO_EXPONENT = 2e-3
 #: Largest distance of points of the section that repeat, in scaled units. Of 440 points of Figs. 3 and
 #: 6, followed without orbits, those that repeat do so within 0.0041; of the others none comes nearer than 0.42.
 REPEAT_DISTANCE = 1e-2
+#: Why motion with transport, which has no exponent, is undecided.
+NOT_SETTLED = "not settled: the Poincaré section still drifts"
 #: Distance of the mean phase differences (rad) up to which two motions are synchronized alike.
 SAME_PHASE = 0.2
 #: Number of blocks of a window; an aperiodic motion is measured in one.
@@ -104,7 +107,7 @@ def classify(
     """Classify a measured motion, or return None if it must settle longer.
 
     It must settle longer if it looked settled but was not, and, unless this is the ``last`` time, if its neighbours
-    converge but no period is found.
+    converge but no period is found, or if its section drifts with transport, where there is no exponent.
 
     Parameters
     ----------
@@ -126,7 +129,9 @@ def classify(
         return _confirm(scene, plan, settling, points, state, n)
     if n > 0:
         return _periodic(points, n)
-    if not plan.lyapunov or scene.transport is not None:
+    if scene.transport is not None:
+        return _by_section(points, last=last)
+    if not plan.lyapunov:
         return MotionClass("non-periodic", 0)
     kind = _by_exponent(largest_exponent(scene, state), points)
     contracts = kind.exponent is not None and kind.exponent.sign < 0 and kind.period == 0
@@ -171,7 +176,7 @@ def _by_exponent(exponent: Exponent, points: FloatArray) -> MotionClass:
     if exponent.sign > 0:
         return MotionClass("chaotic", 0, exponent, drifts=not _is_steady(points, REPEAT_DISTANCE, *CHAOS_LIMITS))
     if exponent.sign < 0 or not (abs(exponent.value) + 2.0 * exponent.error) * exponent.turn <= ZERO_EXPONENT:
-        n = period(points, REPEAT_DISTANCE, first=MAX_PERIOD + 1, last=MAX_FINAL_PERIOD)
+        n = _long_period(points)
         if n > 0:
             return _periodic(points, n, exponent)
         why = f"no period found up to {MAX_FINAL_PERIOD}" if exponent.sign < 0 else "sign unclear"
@@ -179,6 +184,22 @@ def _by_exponent(exponent: Exponent, points: FloatArray) -> MotionClass:
     if not _is_steady(points, REPEAT_DISTANCE):
         return _undecided(exponent, "the section still drifts")
     return MotionClass("quasi-periodic", 0, exponent)
+
+
+def _by_section(points: FloatArray, *, last: bool) -> MotionClass | None:
+    """Classify a motion that has no period up to MAX_PERIOD, and no exponent; None if it must settle longer."""
+    n = _long_period(points)
+    if n > 0:
+        return _periodic(points, n)
+    # A motion that drifts only, beyond REPEAT_DISTANCE, moves by half of it from half to half.
+    if _is_steady(points, 0.5 * REPEAT_DISTANCE, least=CHAOS_LIMITS[0]):
+        return MotionClass("non-periodic", 0)
+    return MotionClass("undecided", 0, reason=NOT_SETTLED, drifts=True) if last else None
+
+
+def _long_period(points: FloatArray) -> int:
+    """Return the period above MAX_PERIOD after which the section repeats, or 0."""
+    return period(points, REPEAT_DISTANCE, first=MAX_PERIOD + 1, last=MAX_FINAL_PERIOD)
 
 
 def _undecided(exponent: Exponent, why: str) -> MotionClass:

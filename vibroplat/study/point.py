@@ -102,7 +102,7 @@ POINT: Columns = {
     "motion": Column(
         "kind of motion",
         "periodic: repeats after period turns; otherwise chaotic or quasi-periodic, by the largest Lyapunov "
-        "exponent, or undecided; non-periodic if the exponent was not wanted",
+        "exponent, or undecided; non-periodic if there is no exponent, as with transport",
         kind=TEXT,
     ),
     "period": Column("period of the motion, in turns of exciter 1", "0: none found", kind=COUNT),

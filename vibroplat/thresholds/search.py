@@ -31,6 +31,7 @@ from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
 from vibroplat.thresholds.distinct import Indistinct, indistinct, is_doubtful, is_known_orbit
 from vibroplat.thresholds.evidence import (
+    FIRST_STARTS,
     MAX_ROUNDS,
     NOT_NARROWED,
     STARTS,
@@ -59,10 +60,13 @@ MAX_HALVINGS = 20
 MAX_GRADUAL = 0.1
 #: Most starts whose time is measured, and chains in which those of a round are made: each chain ends at its first
 #: contradiction.
-TIMED_STARTS, CHAINS = 20, 8
+TIMED_STARTS, CHAINS = 20, FIRST_STARTS
 #: Starts at the nearest value of a round in batches, each after the one before has found no contradiction. Where every
 #: second start differs, 8 show it in 255 of 256 cases, and where every tenth does, in 4 of 7.
-BATCHES = (CHAINS, 3 * CHAINS, STARTS - 4 * CHAINS)
+BATCHES = (CHAINS, CHAINS, 2 * CHAINS, 2 * CHAINS, 3 * CHAINS, STARTS - 9 * CHAINS)
+#: Batch in which a start is made at each other value of a later round: after the first starts at the nearest value, which
+#: may still be in the mixed interval. In the first round they tell how far outcomes are mixed.
+LATER_BATCH_OF_OTHERS = 1
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
@@ -365,7 +369,7 @@ class ThresholdSearch:
             if not ends or number == MAX_ROUNDS:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
-            self._challenge_ends(f"beyond-{number}", ends)
+            self._challenge_ends(number, ends)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
@@ -383,26 +387,27 @@ class ThresholdSearch:
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
-    def _challenge_ends(self, name: str, ends: Sequence[tuple[Zone, bool]]) -> None:
+    def _challenge_ends(self, number: int, ends: Sequence[tuple[Zone, bool]]) -> None:
         """Make a round of starts beyond ends of zones, in batches; an end that is contradicted has no more of them."""
-        for batch, starts in enumerate(BATCHES):
-            chains = [list(self._beyond(*end, batch, starts)) for end in ends]
-            contradicted = iter(self._run(f"{name}-{batch}", [tasks for tasks_of in chains for tasks in tasks_of]))
-            found = [any(list(islice(contradicted, len(tasks_of)))) for tasks_of in chains]
+        for batch in range(len(BATCHES)):
+            chains = [list(self._beyond(*end, number, batch)) for end in ends]
+            tasks = [one for of_end in chains for one in of_end]
+            contradicted = iter(self._run(f"beyond-{number}-{batch}", tasks))
+            found = [any(list(islice(contradicted, len(of_end)))) for of_end in chains]
             ends = [end for end, differs in zip(ends, found, strict=True) if not differs]
 
     def _beyond(
-        self, zone: Zone, upward: bool, batch: int, starts: int
+        self, zone: Zone, upward: bool, number: int, batch: int
     ) -> Iterator[Tasks[tuple[bool, list[ScanPoint]]]]:
-        """Yield the chains of a batch beyond an end of a zone, with the first one also a start at each other value."""
-        places = self._places.beyond(zone, upward)
+        """Yield the chains of a batch beyond an end of a zone, in one batch also a start at each other value."""
+        places = self._places.beyond(zone, upward, number)
         unsure = self.disturbed and is_wanted(zone, upward, self.plan) and not zone.side(upward).sure
         if places and (unsure or batch == 0):
-            seeds = list(islice(self._seeds, starts if unsure else 1))
+            seeds = list(islice(self._seeds, BATCHES[batch] if unsure else 1))
             yield from (
                 self._challenge(places[0], part, zone, upward) for k in range(CHAINS) if (part := seeds[k::CHAINS])
             )
-        if batch == 0:
+        if batch == (LATER_BATCH_OF_OTHERS if number else 0):
             yield from (self._challenge(at, [next(self._seeds)], zone, upward) for at in places[1:])
 
     def _challenge(

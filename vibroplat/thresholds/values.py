@@ -29,6 +29,7 @@ from vibroplat.motion.run import simulate
 from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.synchronization import STAYING_TURNS
+from vibroplat.study.classification import NOT_SETTLED
 from vibroplat.study.point import ERRORS, SweepPoint, failed_record, has_failed, measure_point
 from vibroplat.study.store import Record
 
@@ -104,6 +105,7 @@ class ScanPoint(NamedTuple):
     def text(self) -> str:
         """The motion in words."""
         sync, motion, period = (self.row[name] for name in ("sync", "motion", "period"))
+        motion = "not settled" if self.row.get("detail") == NOT_SETTLED else motion
         parts = (sync, f"period {period}" if period else motion, "leaving an unstable orbit" if self.leaving else "")
         return ", ".join(filter(None, parts))
 
