@@ -64,8 +64,8 @@ TIMED_STARTS, CHAINS = 20, FIRST_STARTS
 #: Starts at the nearest value of a round in batches, each after the one before has found no contradiction. Where every
 #: second start differs, 8 show it in 255 of 256 cases, and where every tenth does, in 4 of 7.
 BATCHES = (CHAINS, CHAINS, 2 * CHAINS, 2 * CHAINS, 3 * CHAINS, STARTS - 9 * CHAINS)
-#: Batch in which a start is made at each other value of a later round: after the first starts at the nearest value, which
-#: may still be in the mixed interval. In the first round they tell how far outcomes are mixed.
+#: Batch in which a start is made at each other value of a later round: after the first starts at the nearest value,
+#: which may still be in the mixed interval. In the first round they tell how far outcomes are mixed.
 LATER_BATCH_OF_OTHERS = 1
 #: Record of an orbit that cannot be followed.
 EMPTY_RECORD: Record = {"rows": [], "special": []}
