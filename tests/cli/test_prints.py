@@ -8,6 +8,7 @@ from common.places import ROOT
 
 from vibroplat import load_config
 from vibroplat.cli.common import print_answer
+from vibroplat.columns import name_regime
 from vibroplat.config.digits import quantity, spread
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, WARNING, by_severity
@@ -280,7 +281,8 @@ def test_a_summary_has_what_the_first_line_says(runs):
     summary, line = run.summary, headline(run.scene, run.summary)
     assert summary["sync"] in line
     assert (summary["motion"] == "periodic") == ("; repeats every " in line)
-    assert summary["regime"] == f"{summary['sync']}, period {summary['period']}"
+    assert summary["regime"] == f"{summary['sync']}, {summary['motion']}"
+    assert name_regime(summary | {"motion": "periodic", "period": 2}) == f"{summary['sync']}, period 2"
 
 
 def test_times_count_from_when_motors_were_switched(runs):

@@ -147,7 +147,7 @@ def test_shear_inside_a_bed_is_told_by_its_share_of_the_contact():
 def test_notes_are_made_when_somebody_reads_them(quickstart, monkeypatch):
     """Nobody else pays for them."""
     asked, scene = [], quickstart.replace({"run.duration_s": 2.0})
-    monkeypatch.setattr("vibroplat.motion.run.notes_on_input", lambda scene: asked.append(scene) or [])
+    monkeypatch.setattr("vibroplat.motion.run.notes_on_input", lambda scene, **_times: asked.append(scene) or [])
     run = simulate(scene, keep="events")
     assert (run.outcome, asked) == ("ok", [])
     assert (run.notes, run.notes, asked) == ([], [], [scene])

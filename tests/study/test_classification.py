@@ -292,7 +292,7 @@ def test_torus_is_quasi_periodic():
 @pytest.fixture(scope="module")
 def chaos():
     """Rows of a chaotic scene."""
-    tables = [swept(MACHINE, 62.5, changes=CHAOTIC, seed=s, max_settle_s=5.0, measure_s=1.0) for s in range(2)]
+    tables = [swept(MACHINE, 62.5, changes=CHAOTIC, seed=s, max_settle_s=5.0, measure_s=1.5) for s in range(2)]
     return [table.iloc[0] for table in tables]
 
 

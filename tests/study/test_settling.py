@@ -231,7 +231,7 @@ def test_motion_that_goes_round_an_orbit_is_not_taken_to_come_to_it():
     changes |= {"solver.engine": "taylor", "drive.supply_frequency_hz": 79.0, "run.initial.speed_ratio": 1.0}
     scene = planned(MACHINE, 79.0).replace(changes)
     with closing(NewtonOrbitDetector(scene)) as detector, motion_of(scene) as motion:
-        motion.advance(10.0)
+        motion.advance(9.0)  # this chaos is a transient
         near = []
         for _ in range(24):
             motion.to_section(1, 1.0)

@@ -125,7 +125,7 @@ BY_ROOM = [
     ]),
     ("thresholds", [
         "not (crosses and not has_errors( → not (crosses and has_errors(",
-        "STARTS if unsure and not place else 1 → 1",
+        "BATCHES[batch] if unsure else 1 → 1",
     ]),
     ("observe", [
         "form < max(e.bound[place] * followed.before, limits.near) → form < 1.0",
@@ -144,7 +144,6 @@ BY_ROOM = [
         "if form != FORMAT: → if form > FORMAT:",
         "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
         "if type(schema) is not int or not 1 <= schema <= SCHEMA: → if not 1 <= schema <= SCHEMA:",
-        "del node.body[0] → pass",
     ]),
     ("study", [
         "wider = np.maximum(np.maximum(high - low → wider = 0.5 * np.maximum(np.maximum(high - low",

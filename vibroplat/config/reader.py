@@ -296,10 +296,10 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
     """
     merged = dict(lower)
     if not section and isinstance(upper.get("motor"), Mapping) and merged.get("exciters") and not upper.get("exciters"):
-        key = next((key for key in upper["motor"] if key in Exciter.model_fields), "critical_slip")
+        given = next(iter(upper["motor"]), "critical_slip")
+        key = given if given in Exciter.model_fields else "critical_slip"
         raise ConfigError(
-            "motor is given, but each exciter has a motor of its own; allowed: its keys for both exciters, as "
-            f"exciters.N.{key}"
+            f"motor.{given} is given, but each exciter has a motor of its own; allowed: exciters.N.{key}, for both"
         )
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _move_to_exciters(merged)

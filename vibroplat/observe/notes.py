@@ -55,14 +55,18 @@ def notes_on_measures(scene: Scene, measures: Mapping[str, Any]) -> list[str]:
     notes = (
         *(rotation(measures["phi_max_rad"]), *captures(scene, measures), coarseness(scene, measures)),
         shear(measures.get("sheared_fraction")),
-        long_flight(scene, measures.get("gamma")),
+        long_flight(scene, measures.get("gamma"), measures.get("impacts_per_period")),
     )
     return [note for note in notes if note]
 
 
-def long_flight(scene: Scene, throw: float | None) -> str:
-    """Return the note on material along the deck that flies longer than a period, or an empty text."""
-    if scene.transport is None or throw is None or not throw > WHOLE_PERIOD:
+def long_flight(scene: Scene, throw: float | None, impacts: float | None = None) -> str:
+    """Return the note on material along the deck that flies longer than a period, or an empty text.
+
+    If its impacts in a turn are known, it is about those that are rarer than turns.
+    """
+    often = impacts is not None and impacts >= 1.0 - 1e-3
+    if scene.transport is None or throw is None or not throw > WHOLE_PERIOD or often:
         return ""
     return (
         f"throw index {number(throw)}: above {number(WHOLE_PERIOD)} a flight lasts longer than a period, material "
