@@ -105,6 +105,7 @@ class ThresholdSearch:
     def __post_init__(self) -> None:
         self._places = ScaledKey(self.plan)
         self._done = self._known = 0
+        self._doubtful: list[tuple[ScanPoint, ScanPoint]] = []  # changes of the scan
         #: Seeds after that of the scene, each for one start only: none that was seen says how another fares.
         self._seeds = count(1)
 
@@ -118,27 +119,29 @@ class ThresholdSearch:
         others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in between])
         if others and not changes:  # what the seed of the scene alone does not show
             changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
-        doubtful = [change for change in changes if is_doubtful(change)] if self.plan.of_motion else []
-        self.indistinct = self._test_classes(scan, doubtful)
+        self._doubtful = [change for change in changes if is_doubtful(change)] if self.plan.of_motion else []
+        self.indistinct = self._test_classes(scan)
         if self.indistinct is not None:
             return scan, [Threshold(*ends, 0.5 * (ends[0].value + ends[1].value), NOT_NARROWED, "") for ends in changes]
         found = self._run("border", [self._bisect(low, high) for low, high in changes])
         thresholds = [threshold for threshold in found if threshold is not None]
-        self.indistinct = indistinct(doubtful, [*scan, *self.evaluated], self.plan)
+        self.indistinct = self._unstable_range(scan)
         return scan, thresholds
 
-    def _test_classes(
-        self, scan: Sequence[ScanPoint], doubtful: Sequence[tuple[ScanPoint, ScanPoint]]
-    ) -> Indistinct | None:
+    def _unstable_range(self, scan: Sequence[ScanPoint]) -> Indistinct | None:
+        """Return the range in which attractors cannot be told apart, by all values so far."""
+        return indistinct(self._doubtful, [*scan, *self.evaluated], self.plan)
+
+    def _test_classes(self, scan: Sequence[ScanPoint]) -> Indistinct | None:
         """Repeat the motions at doubtful changes with other seeds, then with twice the time, until a class changes.
 
         Those on known orbits come first, as they cost least.
         """
-        ends = {end.value: is_known_orbit(end) for change in doubtful for end in change}
+        ends = {end.value: is_known_orbit(end) for change in self._doubtful for end in change}
         orbits, others = ([at for at in ends if ends[at] == known] for known in (True, False))
         seeds = [orbits, others] if self.disturbed else []
         for stage, places in enumerate([*seeds, others]):
-            found = indistinct(doubtful, [*scan, *self.evaluated], self.plan)
+            found = self._unstable_range(scan)
             if found is not None:
                 return found
             longer = stage == len(seeds)
@@ -148,7 +151,7 @@ class ThresholdSearch:
                 else [self._single(at, "seed", next(self._seeds)) for at in places]
             )
             self._run(f"class-{stage}", tests)
-        return indistinct(doubtful, [*scan, *self.evaluated], self.plan)
+        return self._unstable_range(scan)
 
     @property
     def disturbed(self) -> bool:
@@ -356,9 +359,9 @@ class ThresholdSearch:
 
         Rounds of starts, each with a seed of its own, follow beyond both ends of a mixed interval and beyond both sides
         of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
-        measures meet within their standard errors, where a measure of chaos scatters around a level. Nothing is
-        searched for with ``previous``, where the outcome at a value depends on the way to it, nor where attractors
-        cannot be told apart.
+        measures meet within their standard errors, where a measure of chaos scatters around a level. A start that
+        shows that attractors cannot be told apart ends the rounds. Nothing is searched for with ``previous``, where the
+        outcome at a value depends on the way to it, nor where attractors cannot be told apart.
         """
         if self.plan.from_ == "previous" or self.indistinct is not None:
             return zones([*scan, *self.evaluated], thresholds, self.plan)
@@ -370,6 +373,9 @@ class ThresholdSearch:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
             self._challenge_ends(number, ends)
+            self.indistinct = self._unstable_range(scan)
+            if self.indistinct is not None:
+                return zones([*scan, *self.evaluated], thresholds, self.plan)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
