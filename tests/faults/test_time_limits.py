@@ -8,7 +8,7 @@ import time
 
 import numpy as np
 import pytest
-from common.places import QUICKSTART
+from common.places import QUICKSTART, ROOT
 
 from vibroplat import basins, design, find, load_config, orbits, sweep
 from vibroplat.integrate import _FINDING
@@ -17,7 +17,7 @@ from vibroplat.kernels.compiled import PythonFunction, call_int, compiled
 from vibroplat.system.interrupts import handlers_put_off
 from vibroplat.system.workers import _LOCK
 
-EXAMPLES = QUICKSTART.parent / "examples"
+EXAMPLES = ROOT / "configs/examples"
 STARTS = "basins.initial_conditions"
 #: Functions with their scenes.
 STUDIES = {

@@ -162,7 +162,7 @@ def test_boundaries_are_drawn_over_two_keys(followed):
 
 def test_what_is_missing_is_refused(followed, tmp_path):
     (tmp_path / "points.sqlite").touch()
-    with pytest.raises(TableError, match="holds unfinished work; continue it with `vibroplat orbits --resume`"):
+    with pytest.raises(TableError, match="holds unfinished work; continue it by the same command with --resume"):
         drawn(tmp_path)
     (followed / "boundaries.parquet").unlink()
     with pytest.raises(TableError, match=r"holds no boundaries; add orbits.boundaries to its configuration"):

@@ -96,6 +96,10 @@ def test_a_phase_difference_that_passes_pi_neither_jumps_nor_crosses_another_lev
     assert [value.outcome(asked["< -3.0"]) for value in (one, *others)] == [True] * 4
     assert relative_difference(*others[:2], asked["> 3.12"]) == pytest.approx(2.0 * (math.pi - 3.14159))
     assert measures_meet([(one, others[2]), tuple(others[:2])], asked["> 3.12"])
+    one, other = (
+        ScanPoint(at, "scan", {"phase_difference_rad": phase}, [0.0]) for at, phase in ((1.0, -3.1367), (2.0, math.pi))
+    )
+    assert measures_meet([(one, other)], FindPlan(**ASKED | {"expression": "phase_difference_rad > 0"}))
     with pytest.raises(ValueError, match="300 is more than a turn, but phase_difference_rad is in rad"):
         FindPlan(**ASKED | {"expression": "phase_difference_rad > 300"})
 

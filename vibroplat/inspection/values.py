@@ -184,8 +184,12 @@ class Tone(NamedTuple):
     amplitudes: ComplexArray
 
 
+@np.errstate(all="ignore")
 def inspect(scene: Scene) -> Inspection:
-    """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this."""
+    """Find what follows from a scene without a run; its method :meth:`vibroplat.Scene.inspect` calls this.
+
+    What overflows with extreme values is no number, and shown as such.
+    """
     notes = notes_on_input(scene)
     scene = balance.while_run(scene)
     supply = balance.final_supply(scene)

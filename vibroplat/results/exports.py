@@ -75,6 +75,17 @@ def _cell(value: Any) -> Any:
 def _write_book(tables: Sources, documents: Documents, path: Path) -> None:
     """Write a workbook; a table that is longer than a sheet is cut, which a line says."""
     book = import_module("openpyxl").Workbook(write_only=True)
+    try:
+        _fill_book(book, tables, documents)
+    except Exception:
+        for sheet in book.worksheets:
+            sheet.close()  # otherwise Python complains when it ends their generators
+        raise
+    book.save(path)
+
+
+def _fill_book(book: Any, tables: Sources, documents: Documents) -> None:
+    """Write tables, documents, and units and meanings of columns into sheets."""
     described: dict[str, tuple[str, str]] = {}
     for name, parts in tables.items():
         sheet, written = book.create_sheet(name[:31]), 1
@@ -98,7 +109,6 @@ def _write_book(tables: Sources, documents: Documents, path: Path) -> None:
     sheet = book.create_sheet("columns")
     for column, (unit, meaning) in described.items():
         sheet.append([column, unit, meaning])
-    book.save(path)
 
 
 def _flat(documents: Documents) -> dict[str, dict[str, Any]]:

@@ -88,7 +88,7 @@ class Result:
         if not path.is_dir():
             raise TableError(f"{path} is not a directory; allowed: a result directory of vibroplat")
         if (directory_of(path, command) / STORE).exists() and command not in commands_in(path):
-            raise TableError(f"{path} holds unfinished work; continue it with `vibroplat {command} --resume`")
+            raise TableError(f"{path} holds unfinished work; continue it by the same command with --resume")
         result = cls.__new__(cls)
         with as_written(path):
             result.command, result.saved = command, SavedFiles(path, command)

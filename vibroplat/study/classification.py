@@ -129,9 +129,9 @@ def classify(
         return _confirm(scene, plan, settling, points, state, n)
     if n > 0:
         return _periodic(points, n)
-    if scene.transport is not None:
+    if scene.transport is not None and not scene.transport.runs_away:
         return _by_section(points, last=last)
-    if not plan.lyapunov:
+    if scene.transport is not None or not plan.lyapunov:
         return MotionClass("non-periodic", 0)
     kind = _by_exponent(largest_exponent(scene, state), points)
     contracts = kind.exponent is not None and kind.exponent.sign < 0 and kind.period == 0

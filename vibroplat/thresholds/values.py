@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN
+from vibroplat.columns import PHASE_COLUMN, is_angle
 from vibroplat.config.circular import beyond, bound_scale
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.engine_choice import with_second_engine
@@ -30,7 +30,7 @@ from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.notes import slow_motors
 from vibroplat.observe.synchronization import STAYING_TURNS
 from vibroplat.study.classification import NOT_SETTLED
-from vibroplat.study.point import ERRORS, SweepPoint, failed_record, has_failed, measure_point
+from vibroplat.study.point import ANTIPHASE, ERRORS, SweepPoint, failed_record, has_failed, measure_point
 from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in scaled units, at most.
@@ -143,6 +143,8 @@ def uncertainty(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
     names = columns if plan.compared is None else plan.compared[:1]
     errors = {name: [value.row.get(ERRORS.get(name, "")) or 0.0 for value in (one, other)] for name in names}
     parts = {name: math.hypot(*pair) for name, pair in errors.items()}
+    if any(value.row.get("phase_difference_rad") == math.pi for value in (one, other)):  # rows show what is near it so
+        parts = {name: max(part, ANTIPHASE * is_angle(name)) for name, part in parts.items()}
     if plan.compared is None:
         amplitude = max(math.hypot(*(value.row[name] or 0.0 for name in columns[:2])) for value in (one, other))
         speed = max(value.row[columns[2]] or 0.0 for value in (one, other))
