@@ -1,5 +1,6 @@
 """What commands print: the answer in the first line, twelve lines at most, all with -v, for every configuration."""
 
+import re
 from pathlib import Path
 
 import pandas as pd
