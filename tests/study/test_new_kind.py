@@ -129,7 +129,9 @@ ADDED = {
         "    design: DesignPlan | None = described(": (
             '    changes: "ChangesPlan | None" = described(None, "", "what vibroplat changes does")\n'
         ),
-        "from vibroplat.config.drive import Drive\n": "from vibroplat.config.changes import ChangesPlan\n",
+        "from vibroplat.config.drive import Drive, SupplyInterval\n": (
+            "from vibroplat.config.changes import ChangesPlan\n"
+        ),
     },
     "../tests/test_rooms.py": {'        "designs",\n': '        "changing",\n'},
     "../tests/results/test_result.py": {"PLANS = {\n": '    "changes": {"keys": ["machine.platform_mass_kg"]},\n'},

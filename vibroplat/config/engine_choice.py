@@ -90,10 +90,14 @@ def with_second_engine(
     return result if failed(again) else again
 
 
+#: How the note on the engine begins.
+COMPUTED_BY = "computed by engine "
+
+
 def engine_note(name: str) -> str:
     """Return the note of an answer on the engine that computed it, its first one."""
     method = METHODS.get(name, "an own one")
-    return f"computed by engine {name} ({method}); --check compares it with {other_engine(name)}"
+    return f"{COMPUTED_BY}{name} ({method}); --check compares it with {other_engine(name)}"
 
 
 def may_succeed(scene: Scene) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.config.digits import given, percent, quantity
+from vibroplat.config.engine_choice import COMPUTED_BY
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
@@ -197,7 +198,7 @@ class Report:
         if failures:
             more = f'<p class="more">{escape(headline)}</p>'
             headline = "; ".join(first_failures(failures))
-        parts = [noted(note).partition(": ") for note in by_severity(answer.notes)]
+        parts = [noted(note).partition(": ") for note in by_severity(answer.notes) if not note.startswith(COMPUTED_BY)]
         notes = "".join(f"<li><b>{what.capitalize()}:</b> {escape(note)}</li>" for what, _, note in parts)
         more += short + f'<ul class="notes">{notes}</ul>' * bool(notes)
         return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}'
