@@ -15,9 +15,9 @@ from vibroplat.check import with_other_engine, with_other_tolerance
 from vibroplat.check.events import ErrorBound, compared_events, match_events
 from vibroplat.check.runs import EVENT_TIME, SampledRun, _Comparison, perturbed_scenes
 from vibroplat.config.engine_choice import other_engine
+from vibroplat.config.engines import ENGINES
 from vibroplat.config.reader import configurations
 from vibroplat.hybrid.state import force_spread, state_scales
-from vibroplat.kernels.engines import ENGINES
 from vibroplat.model.systems import GAP_RATE
 
 FRICTION = "motor.friction_radius_m"

@@ -142,7 +142,7 @@ def test_without_any_place_nothing_is_kept_and_the_notice_says_so(why, package, 
 @pytest.mark.parametrize("told", ["this happens once for each engine and takes about half a minute", NOWHERE])
 def test_first_engine_says_once_that_it_compiles(told, command, here, monkeypatch, caplog, kernels):
     announce_compilation.cache_clear()
-    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda engine="auto": False)
+    monkeypatch.setattr("vibroplat.kernels.cache.is_compiled", lambda kernel: False)
     if told == NOWHERE:
         monkeypatch.setattr(cache, "folder", lambda: None)
         (here / "short.yaml").write_text("run: {duration_s: 0.01}\n")

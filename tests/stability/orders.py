@@ -15,8 +15,8 @@ from common.places import ROOT
 
 import vibroplat
 from vibroplat import load_config
+from vibroplat.config.engines import ENGINES
 from vibroplat.errors import VibroplatError
-from vibroplat.kernels.engines import ENGINES
 
 #: Columns that differ from call to call.
 TIMES = {"wall_s", "cpu_s"}

@@ -7,8 +7,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
+from vibroplat.config.engines import ENGINES, uses_sundials
 from vibroplat.config.schema import POINT_NAME, Positive, Real, Section, described
-from vibroplat.kernels.engines import ENGINES, uses_sundials
 
 #: Minimum tolerances that the engines can reach.
 MIN_TOLERANCE, MIN_TOLERANCE_SUNDIALS = 1e-14, 1e-12

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
+from vibroplat.config.engines import uses_sundials
 from vibroplat.config.scene import Scene
-from vibroplat.kernels.engines import uses_sundials
 
 T = TypeVar("T")
 

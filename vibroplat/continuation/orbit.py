@@ -20,6 +20,7 @@ from vibroplat.config.computation import MIN_TOLERANCE_SUNDIALS
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.digits import number, quantity
 from vibroplat.config.engine_choice import chosen_engine, with_second_engine
+from vibroplat.config.engines import uses_sundials
 from vibroplat.config.plans import FREQUENCY, OrbitTolerance, Period
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.continuation.first_orbit import MissedOrbitError, OrbitError, first_orbit
@@ -31,7 +32,6 @@ from vibroplat.hybrid.modes import IMPACT
 from vibroplat.hybrid.state import initial_state
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.engines import uses_sundials
 from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of
 from vibroplat.motion.run import simulate

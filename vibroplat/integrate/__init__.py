@@ -12,10 +12,10 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from vibroplat.config.engine_choice import chosen_engine
+from vibroplat.config.engines import ENGINES, loop_of
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import MARGIN, empty_steps
 from vibroplat.integrate.sundials import Library, UnavailableError, library
-from vibroplat.kernels.engines import ENGINES
 from vibroplat.system import memory
 from vibroplat.system.forks import lock
 
@@ -64,7 +64,7 @@ def announce_compilation(engine: str) -> bool:
     """
     from vibroplat.kernels.cache import is_compiled, notice  # noqa: PLC0415
 
-    must = not is_compiled(engine)
+    must = not is_compiled(loop_of(engine))
     if must:
         memory.require_memory(memory.MIN_COMPILING_ADDRESS_SPACE, "compiling the kernels for the first time")
         why = notice() or "this happens once for each engine and takes about half a minute"

@@ -6,7 +6,7 @@ each with a polynomial, to ``h.steps``, and calls ``end_segment``. Whoever reads
 
 ``simulate(scene, engine=…)`` runs any :class:`Engine`. The tests make one of scipy's DOP853, in
 ``tests/integrate/stepwise.py`` and ``dop853.py``. One that users may choose has a line in
-:mod:`vibroplat.kernels.engines`. Engines with a compiled loop of their own, as ``native``, save a return to Python in
+:mod:`vibroplat.config.engines`. Engines with a compiled loop of their own, as ``native``, save a return to Python in
 each step.
 """
 

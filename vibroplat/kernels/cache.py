@@ -47,7 +47,6 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.runtime.nrt import rtsys
 
-from vibroplat.kernels.engines import loop_of
 from vibroplat.kernels.target import processor
 
 _LOG = logging.getLogger("vibroplat")
@@ -162,9 +161,9 @@ def _remove_unused(place: Path, current: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
 
 
-def is_compiled(engine: str = "native") -> bool:
-    """Whether an engine's compiled kernels are on disk, so that a run need not wait; it loads none of them."""
-    return any(any(place.glob(f"{loop_of(engine)}-*")) for place in _readable())
+def is_compiled(kernel: str) -> bool:
+    """Whether a kernel is on disk, so that a run need not wait; it is not loaded."""
+    return any(any(place.glob(f"{kernel}-*")) for place in _readable())
 
 
 def notice() -> str:

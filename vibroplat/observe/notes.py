@@ -14,10 +14,10 @@ import numpy as np
 from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.engine_choice import chosen_engine
+from vibroplat.config.engines import uses_sundials
 from vibroplat.config.plausibility import HINT, WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.kernels.engines import uses_sundials
 from vibroplat.observe.conveying import INTERNAL_FRICTION
 from vibroplat.observe.data_sheet import steady_supply
 

@@ -7,6 +7,8 @@
 
 from importlib import import_module
 
+from vibroplat.config.engines import loop_of
+
 
 def load_study(study: str, engine: str) -> None:
     """Load the module of a study, and an engine's kernels where they are compiled already: in a worker, at first."""
@@ -14,5 +16,5 @@ def load_study(study: str, engine: str) -> None:
     from vibroplat.kernels import cache  # noqa: PLC0415  (these take long)
     from vibroplat.motion import run  # noqa: PLC0415
 
-    if cache.is_compiled(engine):
+    if cache.is_compiled(loop_of(engine)):
         run.load_kernels(engine)

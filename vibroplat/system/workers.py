@@ -235,13 +235,15 @@ def one_thread() -> Iterator[None]:
     from threadpoolctl import threadpool_limits  # noqa: PLC0415  (looks for all libraries of the process)
 
     global _inside  # noqa: PLW0603
-    with _LOCK:
-        _limits.append(threadpool_limits(limits=1))
-        _inside += 1
+    counted = 0
     try:
+        with handlers_put_off(), _LOCK:  # what a handler raises midway would leave the limits as they are
+            _limits.append(threadpool_limits(limits=1))
+            counted = 1
+            _inside += counted
         yield
     finally:
-        with _LOCK:
-            _inside -= 1
+        with handlers_put_off(), _LOCK:
+            _inside -= counted
             while _limits and not _inside:
                 _limits.pop().restore_original_limits()
