@@ -184,7 +184,7 @@ def _given_in_vain(scene: Scene, *, of_run: bool) -> list[str]:
 
 
 def _no_effect(unread: Mapping[str, str], chosen: str = WARNING) -> list[str]:
-    """Say which keys have no effect, a note for each reason; those of what is chosen otherwise begin with ``chosen``."""
+    """Say which keys have no effect, a note for each reason; they begin with ``chosen`` unless it may be a slip."""
     notes = []
     for why in dict.fromkeys(unread.values()):
         begin = WARNING if why in (_BARE, _NOT_RANDOM) else chosen
