@@ -31,6 +31,10 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
     assert scene_of("motor: &m {pole_pairs: &m 2}\n").motor.pole_pairs == 2
 
 
+#: What is told of machines, whose files say how material is that others put on them.
+BARE = "there is no material, as material.mass_ratio is 0"
+
+
 @pytest.mark.parametrize("room", ["", "machines", "templates", "paper", "examples"])
 def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
     scenes = [load_config(file) for file in sorted((ROOT / "configs" / room).glob("*.yaml"))]
@@ -38,7 +42,7 @@ def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
     for scene in scenes if room != "examples" else ():
         notes = notes_on_input(scene)
         notes += notes_on_inputs(SweepStudy(scene).scenes()) if scene.sweep is not None else []
-        assert [note for note in notes if not note.startswith(HINT)] == []
+        assert [note for note in notes if not note.startswith(HINT) and not (room == "machines" and BARE in note)] == []
 
 
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):

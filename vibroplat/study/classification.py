@@ -32,7 +32,7 @@ from vibroplat.integrate import make_engine
 from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import MAX_FINAL_PERIOD, SUMMED, Accumulators, block_difference, measured_extremes
-from vibroplat.observe.section import MAX_PERIOD, least_period, period, section_points, section_rows
+from vibroplat.observe.section import MAX_PERIOD, REPEAT_DISTANCE, least_period, period, section_points, section_rows
 from vibroplat.observe.summary import COHERENCE, MeasuredInterval, statistics
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector, SettlingResult, contraction_period
@@ -49,9 +49,6 @@ CHAOS_LIMITS = 0.7, 0.1
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.
 ZERO_EXPONENT = 2e-3
-#: Largest distance of points of the section that repeat, in scaled units. Of 440 points of Figs. 3 and
-#: 6, followed without orbits, those that repeat do so within 0.0041; of the others none comes nearer than 0.42.
-REPEAT_DISTANCE = 1e-2
 #: Why motion with transport, which has no exponent, is undecided.
 NOT_SETTLED = "not settled: the Poincaré section still drifts"
 #: Distance of the mean phase differences (rad) up to which two motions are synchronized alike.
@@ -157,9 +154,8 @@ def _confirm(
 
 def _periodic(points: FloatArray, turns: int, exponent: Exponent | None = None) -> MotionClass:
     """Return the class of a motion the section of which repeats after some turns within REPEAT_DISTANCE."""
-    least, finer, distance = least_period(points, turns, REPEAT_DISTANCE)
-    note = f"period {least}, or {finer} within {distance:.0e} of scaled units" if finer else ""
-    return MotionClass("periodic", least, exponent, note=note)
+    found = least_period(points, turns, REPEAT_DISTANCE)
+    return MotionClass("periodic", found.turns, exponent, note=found.note)
 
 
 def _is_steady(points: FloatArray, tolerance: float, least: float = MIN_EXTENT_RATIO, drift: float = MAX_DRIFT) -> bool:
