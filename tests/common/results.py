@@ -47,7 +47,7 @@ def left(directory):
 
 
 def unproven(directory):
-    """Forget the digests of a result's files, as in results of former versions, so that its tables may be changed."""
+    """Forget the digests of a result's files, so that its tables may be changed."""
     path = directory / "provenance.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "files": None}))
     return directory

@@ -143,7 +143,7 @@ BY_ROOM = [
     ("faults", [
         "if form != FORMAT: → if form > FORMAT:",
         "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
-        "if type(schema) is not int or not 1 <= schema <= SCHEMA: → if not 1 <= schema <= SCHEMA:",
+        "if type(schema) is not int or schema != SCHEMA: → if schema != SCHEMA:",
     ]),
     ("study", [
         "wider = np.maximum(np.maximum(high - low → wider = 0.5 * np.maximum(np.maximum(high - low",
