@@ -78,7 +78,7 @@ ATTRACTORS: Columns = {
     ),
     "ellipsoids": Column("crossings of the Poincaré section per period that have an attraction ellipsoid", kind=COUNT),
     **{name: SWEEP[name] for name in MEASURED},
-    **{name: SWEEP[name] for name in (*ERRORS.values(), "coexisting", "outcome", "detail", "notes")},
+    **{name: SWEEP[name] for name in (*ERRORS.values(), "outcome", "detail", "notes")},
     **{name: Column(f"{name} of a state of the attractor on the Poincaré section") for name in (*COORDINATES, *RATES)},
     **SHEET,
 }

@@ -192,7 +192,6 @@ class FindPlan(Section, title="Find", populate_by_name=True):
             max_settle_s=times * self.max_settle_s,
             measure_s=times * self.measure_s,
             perturbation=perturbation,
-            find_coexisting=False,
         )
 
 

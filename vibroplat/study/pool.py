@@ -20,7 +20,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 from pydantic import BaseModel
 
 from vibroplat.study.cluster import Cluster, WorkerLostError
-from vibroplat.study.store import Record, Store, aside_name, digest
+from vibroplat.study.store import Record, Store, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
 from vibroplat.system.workers import Workers, core_count, one_thread, worker_processes
@@ -44,15 +44,11 @@ class Task(NamedTuple):
         What is called. It returns a record, or an object whose attributes are one.
     on_worker_loss
         Makes the record of a task whose worker died more than once, from the reason. Without it the error is raised.
-    aside
-        Whether its chain goes on at once, and is sent None: it is done beside the chain, whose result does not depend
-        on it. Its record is the only one of a chain of its own; see :func:`vibroplat.study.store.aside_name`.
     """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
     on_worker_loss: Callable[[str], Record] | None = None
-    aside: bool = False
 
     @property
     def digest(self) -> str:
@@ -75,7 +71,7 @@ def _json(model: BaseModel) -> str:
     return _TEXTS[-1][1]
 
 
-#: A generator of tasks that is sent their records, None for those aside.
+#: A generator of tasks that is sent their records.
 Tasks = Generator[Task, Record, T]
 
 
@@ -103,7 +99,6 @@ class StoredChain(Generic[T]):
         self._name = name
         self._place = -1
         self._result: T
-        self._asides = list[StoredChain[Any]]()
         self.next: Task | None = None
         self._send(None)
 
@@ -117,11 +112,6 @@ class StoredChain(Generic[T]):
         """What the generator has returned; only of a chain that is done."""
         assert self.done
         return self._result
-
-    def take_pending(self) -> list[StoredChain[Any]]:
-        """Return what is not done: this chain, and chains of tasks aside, each of these once."""
-        pending, self._asides = [*([] if self.done else [self]), *self._asides], []
-        return pending
 
     def accept(self, result: Any) -> None:
         """Store the result of the next task and move on to the one after it.
@@ -148,12 +138,6 @@ class StoredChain(Generic[T]):
             except StopIteration as end:
                 self.next, self._result = None, end.value
                 return
-            if self.next.aside:
-                name = aside_name(self._name, self._place)
-                aside = StoredChain(_alone(self.next._replace(aside=False)), self._records, name)
-                self._asides += [] if aside.done else [aside]
-                record = None
-                continue
             self._place += 1
             self._digest = self.next.digest
             record = self._records.get(self._name, self._place, self._digest)
@@ -197,13 +181,13 @@ def run_stored(
 def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[StoredChain[T]]:
     """Run all chains to their ends; yield the chain of each task after it has taken the result.
 
-    Chains take turns, so that all end at about the same time. Tasks aside take turns as chains do.
+    Chains take turns, so that all end at about the same time.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
     it has a result or has killed its worker :data:`MAX_LOSSES` times and is given up. A task that dask has given up
     runs alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
-    waiting = deque(each for chain in chains for each in chain.take_pending())
+    waiting = deque(chain for chain in chains if not chain.done)
     suspects: deque[StoredChain[T]] = deque()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], StoredChain[T]] = {}
@@ -213,7 +197,7 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[Stor
         if suspects and suspects[0] is chain:
             suspects.popleft()
         chain.accept(result)
-        waiting.extend(chain.take_pending())
+        waiting.extend([] if chain.done else [chain])
         return chain
 
     with nullcontext() if isinstance(workers, Inline) else watching():
