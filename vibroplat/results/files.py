@@ -49,7 +49,7 @@ STORE = "points.sqlite"
 #: The commands that write results, in the order in which results of one directory are told.
 COMMANDS = ("run", *KINDS, "paper")
 #: Version of the contents of result directories, the only one that is read.
-SCHEMA = 3
+SCHEMA = 4
 
 
 def write_result(
