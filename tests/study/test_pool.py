@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import sys
 import threading
 import time
 from concurrent.futures import BrokenExecutor, Future
@@ -14,13 +13,11 @@ from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.errors import ConfigError
 from vibroplat.study import pool as pools
 from vibroplat.study.branches import branches
 from vibroplat.study.point import SweepPoint
 from vibroplat.study.pool import (
     MAX_LOSSES,
-    Cluster,
     Inline,
     Processes,
     StoredChain,
@@ -288,16 +285,6 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
     assert len(found) == 24
     assert LOST not in begun
     assert begun[NEXT] == 46.0
-
-
-# -- schedulers that are none ---------------------------------------------------------------------------
-
-
-def test_scheduler_without_dask_is_refused(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ConfigError) as caught:
-        Cluster("tcp://127.0.0.1:8786")
-    assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
 # -- pools of their own ---------------------------------------------------------------------------------

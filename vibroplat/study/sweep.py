@@ -167,6 +167,8 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
 
         * ``jobs``: number of worker processes;
         * ``scheduler``: address of a dask scheduler, whose workers are used instead;
+        * ``executor``: any executor of :mod:`concurrent.futures`, whose workers are used instead: that of loky or
+          mpi4py, or ``client.get_executor()`` of dask;
         * ``progress``: function that is called with the numbers of finished and of all points.
 
     Returns
@@ -180,7 +182,7 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     ConfigError
         The scene has no section ``sweep``, a value of its grid is not allowed, or the scheduler does not answer.
     NoWorkersError
-        The scheduler has no workers, or the connection to it is lost.
+        The scheduler or the executor is gone.
     IncompatibleWorkerError
         A worker has other versions and would compute other bits than this process.
 
