@@ -24,7 +24,7 @@ from typing import Any
 from vibroplat.config.kinds import KINDS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results.exports import exports, parts_of
+from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
 from vibroplat.results.tables import (
     FORMATS,
@@ -145,7 +145,7 @@ def _write_temporaries(
             file = stack.enter_context(TableFile(directory, name, form))
             file.extend(table)
         finished[name] = files[file.path] = file.finish()
-    sources = {name: partial(parts_of, path) for name, path in finished.items()}
+    sources = {name: partial(read_parts, path.parent, path.stem) for name, path in finished.items()}
     for name, write in exports(form, command, sources, documents).items():
         files[directory / name] = stack.enter_context(new_file(directory / name, write))
     for name, value in documents.items():
