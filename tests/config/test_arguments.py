@@ -45,7 +45,7 @@ def test_the_name_of_a_file_is_no_scene(name):
         (lambda: sweep(SCENE, executor=5), "executor = 5; allowed: an executor of concurrent.futures"),
         (
             lambda: sweep(SCENE, job=2),
-            "unknown key job; did you mean jobs? allowed: jobs, scheduler, executor, progress",
+            "unknown key job; did you mean jobs? allowed: scene, jobs, scheduler",
         ),
         (lambda: simulate(SHORT).save(5), "directory = 5; allowed: the name of a file or directory"),
         (lambda: simulate(SHORT).save("x", "foo"), "form = 'foo'; allowed: 'parquet', 'csv'"),

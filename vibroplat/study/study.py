@@ -149,7 +149,7 @@ _OPTIONS = get_type_hints(Options, include_extras=True) | {
 }
 
 
-@validated(scene=SceneArgument, options=_OPTIONS)
+@validated(scene=SceneArgument, **_OPTIONS)
 def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Options]) -> Result:
     """Run the study of a scene and store nothing.
 
