@@ -113,7 +113,6 @@ def test_claims_are_those_of_the_paper():
 def test_every_claim_holds_for_the_papers_own_curves(evidence):
     findings = {name: judge(claim, evidence) for name, claim in CLAIMS.items()}
     assert [finding.measured for finding in findings.values() if not finding.holds] == []
-    assert [finding.score for finding in findings.values()] == pytest.approx([1.0] * len(findings))
 
 
 SPOILT = {
@@ -153,10 +152,8 @@ def test_claim_fails_where_its_words_are_broken():
     findings = {name: judge(claim, changed(SPOILT[name])) for name, claim in CLAIMS.items() if name in SPOILT}
     assert len(findings) >= 24
     assert [name for name, finding in findings.items() if finding.holds] == []
-    assert [name for name, finding in findings.items() if finding.score == 1.0] == []
     nothing = [judge(claim, Evidence()) for claim in CLAIMS.values()]
     assert not any(finding.holds for finding in nothing)
-    assert all(0.0 <= finding.score <= 0.5 for finding in nothing)
 
 
 @pytest.mark.parametrize("name", CLAIMS)
@@ -356,7 +353,9 @@ def test_scoreboard_tells_what_depends_on_the_seed(evidence):
     board = scoreboard({3: evidence, 4: spoilt, 5: evidence, 6: evidence}, [({}, spoilt)]).set_index("id")
     row = board.loc["NI-shape"]
     assert (row["verdict"], row["seeds"]) == ("depends on the seed", "3 of 4")
-    assert row["why"].startswith("holds with 3 of 4 seeds; seed 4: non impact crest 1; non impact period 1; impact is non")
+    assert row["why"].startswith(
+        "holds with 3 of 4 seeds; seed 4: non impact crest 1; non impact period 1; impact is non"
+    )
     assert board["seeds"]["amp-rise"] == "4 of 4"
     board = scoreboard({3: spoilt, 4: spoilt}, [({}, spoilt)]).set_index("id")
     assert board["verdict"]["NI-shape"] == "not reproduced"

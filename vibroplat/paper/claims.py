@@ -53,7 +53,7 @@ def judge(claim: Claim, evidence: Evidence) -> Finding:
         others = {curve: records for curve, records in evidence.branches.items() if curve not in elastic}
         rest = find(claim, replace(evidence, branches=others))
         if rest.holds:
-            finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", False, rest.score, judged=False)
+            finding = Finding(f"with R < 1: {rest.measured}; not judged at R = 1", judged=False)
         else:
             finding = finding._replace(measured=f"{finding.measured}; also fails without R = 1")
     if bool(finding.margin >= 0.0) is not bool(finding.holds):  # another condition decides
@@ -152,14 +152,13 @@ def _verdict(claim: Claim, findings: Mapping[int, Finding], others: Others) -> t
     tried = [(changes, finding) for changes, finding in tried if changes]
     if not tried:
         return verdict, ""
-    count = sum(finding.holds for _, finding in tried)
-    changes, best = max(tried, key=lambda pair: 2.0 if pair[1].holds else pair[1].score)
+    holding = [pair for pair in tried if pair[1].holds]
+    if not holding:
+        return verdict, f"nor with any of {len(tried)} other sets of unprinted numbers"
+    changes, first = holding[0]
     named = ", ".join(f"{key.split('.')[-1]} {value:g}" for key, value in changes.items())
-    if not count:
-        tries = f"nor with any of {len(tried)} other sets of unprinted numbers"
-        return verdict, f"{tries}; nearest {named}: {best.measured}"
-    more = f" (and with {count - 1} of the other sets)" if count > 1 else ""
-    return "depends on an unprinted number", f"holds with {named}{more}: {best.measured}"
+    more = f" (and with {len(holding) - 1} of the other sets)" if len(holding) > 1 else ""
+    return "depends on an unprinted number", f"holds with {named}{more}: {first.measured}"
 
 
 def expected(claim: Claim) -> str:

@@ -53,8 +53,8 @@ class Finding(NamedTuple):
     ----------
     measured
         In words.
-    holds, score
-        Whether it holds, and how close it is, from 0 to 1.
+    holds
+        Whether it does.
     margin, unit
         How far it is from where the verdict changes: above 0 if the claim holds; nan if it fails by something else.
     judged
@@ -63,7 +63,6 @@ class Finding(NamedTuple):
 
     measured: str
     holds: bool = False
-    score: float = 0.0
     margin: float = math.nan
     unit: str = "Hz"
     judged: bool = True
@@ -92,8 +91,7 @@ def _join_findings(named: Iterable[tuple[str, Finding]]) -> Finding:
     names, findings = zip(*named, strict=True)
     text = "; ".join(f"{name and f'{name}: '}{finding.measured}" for name, finding in zip(names, findings, strict=True))
     margins = [f.margin for f in findings if f.unit == findings[0].unit and math.isfinite(f.margin)]
-    score = float(np.mean([f.score for f in findings]))
-    return Finding(text, all(f.holds for f in findings), score, min(margins, default=math.nan), findings[0].unit)
+    return Finding(text, all(f.holds for f in findings), min(margins, default=math.nan), findings[0].unit)
 
 
 def _curves_of(claim: Claim) -> list[PaperCurve]:
@@ -125,8 +123,7 @@ def _band(claim: Claim, evidence: Evidence, curve: PaperCurve) -> Finding:
         text += f"; points only {interval(min(frequencies), max(frequencies), 'Hz')}"
     off = [max(low + margin - row[F], row[F] - high + margin) for row in rows if not REGIMES[regime](row)]
     ends = [low + EDGE - min(frequencies), max(frequencies) - high + EDGE] if low < high else []
-    holds = fraction == 1.0 and reached
-    return Finding(text, holds, fraction * (1.0 if reached else 0.7), min(off + ends, default=math.nan))
+    return Finding(text, fraction == 1.0 and reached, min(off + ends, default=math.nan))
 
 
 def regime_intervals(rows: Sequence[Row], regime: str) -> list[tuple[float, float]]:
@@ -161,13 +158,6 @@ class _Ratio(NamedTuple):
     errors: FloatArray
     covered: float
 
-    @property
-    def mean(self) -> tuple[float, float]:
-        """The mean and its standard error."""
-        if not len(self.f):
-            return math.nan, math.nan
-        return float(self.values.mean()), float(np.linalg.norm(self.errors) / len(self.f))
-
 
 def _ratio(claim: Claim, evidence: Evidence, upper: PaperCurve, lower: PaperCurve) -> _Ratio:
     at = np.arange(claim["f"][0] + EDGE, claim["f"][1] - EDGE + 1e-9, SPACING)
@@ -177,17 +167,16 @@ def _ratio(claim: Claim, evidence: Evidence, upper: PaperCurve, lower: PaperCurv
     return _Ratio(at[known], values[known], errors[known], float(known.mean()))
 
 
-def _ratios(claim: Claim, evidence: Evidence) -> dict[str, _Ratio]:
-    """Return the ratios of a claim's pairs of curves, without those that have no branch at R = 1."""
+def _compare_pairs(claim: Claim, evidence: Evidence) -> list[tuple[str, Finding]]:
+    """Judge whether the amplitudes of pairs of curves have ratios between limits, or above 1 without any.
+
+    Pairs that have no branch at R = 1 are left out.
+    """
+    limits = claim.get("at_least", np.nextafter(1.0, 2.0)), claim.get("at_most", math.inf)
     pairs = [(PaperCurve(*upper), PaperCurve(*lower)) for upper, lower in claim["pairs"]]
     known = [(upper, lower) for upper, lower in pairs if upper.restitution < 1.0 or upper in evidence.branches]
-    return {f"{upper.text} over {lower.text}": _ratio(claim, evidence, upper, lower) for upper, lower in known}
-
-
-def _compare_pairs(claim: Claim, evidence: Evidence) -> list[tuple[str, Finding]]:
-    """Judge whether the amplitudes of pairs of curves have ratios between limits, or above 1 without any."""
-    limits = claim.get("at_least", np.nextafter(1.0, 2.0)), claim.get("at_most", math.inf)
-    return [(name, _between(ratio, *limits)) for name, ratio in _ratios(claim, evidence).items()]
+    ratios = {f"{upper.text} over {lower.text}": _ratio(claim, evidence, upper, lower) for upper, lower in known}
+    return [(name, _between(ratio, *limits)) for name, ratio in ratios.items()]
 
 
 def _between(ratio: _Ratio, low: float, high: float) -> Finding:
@@ -200,7 +189,7 @@ def _between(ratio: _Ratio, low: float, high: float) -> Finding:
     undecided = ~violated & ((values - errors < low) | (values + errors > high))
     fraction = float(right.mean())
     measured = f"as claimed at {digits.percent(fraction)} of {len(values)} frequencies, ratio "
-    measured += f"{interval(values.min(), values.max())}, mean {number(ratio.mean[0])}"
+    measured += f"{interval(values.min(), values.max())}, mean {number(float(values.mean()))}"
     if violated.any():
         measured += f", not at {interval(ratio.f[violated].min(), ratio.f[violated].max(), 'Hz')}"
     if undecided.any():
@@ -210,7 +199,7 @@ def _between(ratio: _Ratio, low: float, high: float) -> Finding:
     sure = float((right & ~undecided).mean())
     holds = not violated.any() and fraction >= MIN_RIGHT and sure >= MIN_SURE and ratio.covered >= MIN_COVERED
     margin = 100.0 * float(np.minimum(values + errors - low, high - values + errors).min())
-    return Finding(measured, bool(holds), fraction * ratio.covered, margin, "%")
+    return Finding(measured, bool(holds), margin, "%")
 
 
 # -- measures with limits ---------------------------------------------------------------------------------
@@ -227,9 +216,8 @@ def _within_limits(claim: Claim, measures: Measures) -> Finding:
         margins[name] = [_margin(value, **ends) for value in measures[name].values()] or [-math.inf]
     first, every = next(iter(margins)), [margin for values in margins.values() for margin in values]
     own = [m for name in margins if name == first or unit_of(name) == unit_of(first) != "" for m in margins[name]]
-    score = float(np.mean([1.0 if margin >= 0.0 else 0.5 / (1.0 - margin) for margin in every]))
     least = min(filter(math.isfinite, own), default=math.nan)
-    return Finding(text, all(margin >= 0.0 for margin in every), score, least, unit_of(first))
+    return Finding(text, all(margin >= 0.0 for margin in every), least, unit_of(first))
 
 
 def _margin(value: float, at_least: float = -math.inf, at_most: float = math.inf) -> float:
@@ -362,13 +350,6 @@ def same_periods(claim: Claim, evidence: Evidence) -> Measures:
     return {"period_as_at_r_0": {name: float(np.mean(of)) if of else 0.0 for name, of in same.items()}}
 
 
-def growth(claim: Claim, evidence: Evidence) -> Measures:
-    """Measure by how much the mean ratio of each pair exceeds that of the pair before, beyond its error."""
-    means = [ratio.mean for ratio in _ratios(claim, evidence).values()]
-    steps = [b - a - SIGMAS * float(np.hypot(i, j)) for (a, i), (b, j) in pairwise(means)]
-    return {"growth_of_mean": {f"to R {r:g}": step for r, step in zip(claim["R"][1:], steps, strict=False)}}
-
-
 def shape(claim: Claim, evidence: Evidence) -> Measures:
     """Measure whether impact motion is non-periodic, and period and A/(√2 RMS) of non-impact motion."""
     nearest = []
@@ -420,6 +401,6 @@ MEASURES: dict[str, Callable[[Claim, Evidence], Measures]] = {
     measure.__name__: measure
     for measure in (
         *(jump, jump_shift, antiphase_ends, liftoff, end_of_periodic, falls_with_restitution, rises_with_restitution),
-        *(deviation, same_periods, growth, shape, quoted_frequencies, layer_damping),
+        *(deviation, same_periods, shape, quoted_frequencies, layer_damping),
     )
 }
