@@ -410,7 +410,7 @@ def _temporary(path: Path) -> Iterator[Path]:
         try:
             with os.fdopen(handle) as file:
                 now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, of another machine perhaps
-            for old in path.parent.glob(f".{glob.escape(path.stem)}-{_TOKEN}{path.suffix}"):
+            for old in path.parent.glob(f".{glob.escape(path.stem)}-{_TOKEN}.*"):
                 with suppress(FileNotFoundError):  # another process has removed it
                     if now - old.stat().st_mtime > LEFTOVER_AGE_S:
                         old.unlink()
