@@ -48,20 +48,14 @@ MESSAGES = {
         "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
         f"machine.platform_mass_kg? allowed: {SECTIONS}",
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
-        "name: a\ncalibration: {}": "unknown key calibration in line 2; it was removed: results/README.md describes "
-        "how configs/machines/calibrated.yaml was found",
-        "run: {initial: {phase_sum_rad: 0}}": "unknown key run.initial.phase_sum_rad in line 1; it is now "
-        "run.initial.phase_difference_rad",
-        "orbits: {step: {least: 0}, key: x, start: 0, stop: 1}": "unknown key orbits.step.least in line 1; it was "
-        "removed: a branch ends where steps become smaller than 1e-8 of the range",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
         "machine: {platform_mass_kg: 1'168.5}": 'machine.platform_mass_kg = "1\'168.5"; allowed: a number, as 1168.5',
         "name: 12": 'name = 12; allowed: text, as "12" in quotation marks',
         "machine: {platform_mass_kg: 2024-05-03}": "machine.platform_mass_kg = '2024-05-03'; allowed: a number",
-        "find: {from: neighbour, key: x, start: 0, stop: 1, compare: regime}": "find.from = 'neighbour'; it is now "
-        "previous; allowed: 'initial' or 'previous'",
+        "find: {from: neighbour, key: x, start: 0, stop: 1, compare: regime}": "find.from = 'neighbour'; "
+        "allowed: 'initial' or 'previous'",
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
         "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
         "material: {layers: true}": "material.layers = True; allowed: 1 or 2",

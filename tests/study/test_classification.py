@@ -446,7 +446,7 @@ def test_motion_that_changes_within_its_interval_is_measured_longer_and_has_no_e
 ):
     answers = iter(["rms_y_m", "rms_y_m" if still else ""])
     monkeypatch.setattr("vibroplat.study.point.transience", lambda *_: next(answers))
-    row = swept(MACHINE, 62.5, changes=CHAOTIC, max_settle_s=2.0, measure_s=0.2, find_coexisting=False).iloc[0]
+    row = swept(MACHINE, 62.5, changes=CHAOTIC, max_settle_s=2.0, measure_s=0.2).iloc[0]
     assert row["simulated_s"] == pytest.approx(2.0 + (1 + LONGER) * BLOCKS * 0.2)
     assert row[list(ERRORS.values())].isna().all() == still
     assert ("may be a transient: rms_y_m changes as it is measured" in row["notes"]) == still

@@ -112,8 +112,6 @@ BY_ROOM = [
     ("basin", [
         "stays = reached.diagonal().copy() → stays = np.ones(count, dtype=bool)",
         "points[:period]).max() < SAME_ORBIT_DISTANCE → points[:period]).max() < 10.0",
-        "begin = LATE_FRACTION * max_turns → begin = 0.0",
-        "for k in orbits - unseen if → for k in orbits if",
         "radii = [radius for _, radius in around if radius > 0.0] → radii = [radius for _, radius in around]",
     ]),
     ("study continuation", [
@@ -143,10 +141,11 @@ BY_ROOM = [
     ("faults", [
         "if form != FORMAT: → if form > FORMAT:",
         "if _is_of_code(key) and not len(self): → if _is_of_code(key):",
-        "if type(schema) is not int or not 1 <= schema <= SCHEMA: → if not 1 <= schema <= SCHEMA:",
+        "if type(schema) is not int or schema != SCHEMA: → if schema != SCHEMA:",
+        "old.stat().st_mtime > LEFTOVER_AGE_S: → old.stat().st_mtime > 0.0:",
     ]),
     ("study", [
-        "wider = np.maximum(np.maximum(high - low → wider = 0.5 * np.maximum(np.maximum(high - low",
+        "(BrokenExecutor, CancelledError)):\n            error → (BrokenExecutor,)):\n            error",
         "for i in {*before.coordinates} ^ {*scene.coordinates}: → for i in {*before.coordinates} - {*scene.coordinates}:",
     ]),
     # figures

@@ -133,9 +133,9 @@ def command_directory(out: Path, name: str, command: str, *, resume: bool = Fals
 def require_scheduler(address: str | None) -> None:
     """Refuse an address without a scheduler, before kernels are loaded, which may take long."""
     if address is not None:
-        from vibroplat.study import cluster
+        from vibroplat.study import executors
 
-        cluster.require_scheduler(address)
+        executors.require_scheduler(address)
 
 
 def finished(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -46,15 +46,6 @@ class Observer(Protocol):
 
     def read(self, h: hy.Automaton) -> None:
         """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""
-
-
-#: Whether a motion shall end after a block, by what was measured until the ends of all blocks so far.
-Until = Callable[[Sequence[Accumulators]], bool]
-
-
-def never(ends: Sequence[Accumulators]) -> bool:
-    """Let a motion go on after each block."""
-    return False
 
 
 class Simulator:
@@ -177,7 +168,6 @@ class Simulator:
         settle: float = 0.0,
         blocks: int = 1,
         observers: Sequence[Observer] = (),
-        until: Until = never,
         scope: int = WHOLE_RUN,
     ) -> MeasuredInterval:
         """Carry the motion on for a time, and measure it.
@@ -193,8 +183,6 @@ class Simulator:
             returned: sums since the beginning, extremes of each block.
         observers
             What else reads it.
-        until
-            Whether it ends after a block already.
         scope
             What is measured, from :data:`vibroplat.observe.measures.SECTION_POINTS` to ``WHOLE_RUN``.
         """
@@ -206,8 +194,6 @@ class Simulator:
                 break
             if blocks > 1:
                 ends.append(statistics.end_block())
-                if until(ends):
-                    break
         return MeasuredInterval(statistics.measures, before, self._energies, ends)
 
     def advance_turns(

@@ -33,7 +33,7 @@ class Answer(NamedTuple):
     failures
         A line for each motion that failed.
     headline
-        The answer in a sentence; empty in results of former versions.
+        The answer in a sentence; empty if a provenance holds none.
     short
         The few lines below it that are printed without ``-v``, too.
     """
@@ -63,8 +63,8 @@ class Answer(NamedTuple):
     def brief(self, room: int = MAX_LINES) -> list[str]:
         """Return the answer in at most ``room`` lines: headline, short lines, and as many notes as there is room for.
 
-        All warnings are among them: they take the room of other lines, or more than that. Answers of former versions
-        are as long as they are.
+        All warnings are among them: they take the room of other lines, or more than that. An answer without a headline
+        is as long as it is.
         """
         if not self.headline:
             return self.full()
