@@ -39,7 +39,7 @@ VALUES_PER_ROUND, LATER_VALUES = 30, 4
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
 VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
-#: Kind of a change between neighbours of the scan that is not narrowed, as attractors cannot be told apart.
+#: Kind of a change that is not narrowed, as attractors cannot be told apart.
 NOT_NARROWED = "not-narrowed"
 
 
@@ -63,6 +63,11 @@ class Threshold(NamedTuple):
     value: float
     kind: str
     special: str
+
+
+def not_narrowed(low: ScanPoint, high: ScanPoint) -> Threshold:
+    """Return the change between two values as it is."""
+    return Threshold(low, high, 0.5 * (low.value + high.value), NOT_NARROWED, "")
 
 
 class ClearRange(NamedTuple):

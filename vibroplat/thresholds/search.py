@@ -29,16 +29,18 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.distinct import Indistinct, indistinct, is_doubtful, is_known_orbit
+from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful
 from vibroplat.thresholds.evidence import (
     FIRST_STARTS,
     MAX_ROUNDS,
     NOT_NARROWED,
     STARTS,
+    VALUES_BETWEEN,
     ScaledKey,
     Threshold,
     Zone,
     is_wanted,
+    not_narrowed,
     zones,
 )
 from vibroplat.thresholds.values import (
@@ -91,7 +93,7 @@ class ThresholdSearch:
     evaluated
         All values that were evaluated besides those of the scan, in the order of chains.
     indistinct
-        Where attractors cannot be told apart, so that nothing is narrowed; None if they can.
+        Where attractors cannot be told apart, so that changes are not narrowed; None if they can.
     """
 
     scene: Scene
@@ -105,7 +107,7 @@ class ThresholdSearch:
     def __post_init__(self) -> None:
         self._places = ScaledKey(self.plan)
         self._done = self._known = 0
-        self._doubtful: list[tuple[ScanPoint, ScanPoint]] = []  # changes of the scan
+        self._beside_chaos = False
         #: Seeds after that of the scene, each for one start only: none that was seen says how another fares.
         self._seeds = count(1)
 
@@ -115,43 +117,34 @@ class ThresholdSearch:
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
         changes = self._changes(scan)
-        between = self._places.between() if self.disturbed else []
-        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in between])
+        places = self._places_of_seeds(changes) if self.disturbed else []
+        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in places])
         if others and not changes:  # what the seed of the scene alone does not show
             changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
-        self._doubtful = [change for change in changes if is_doubtful(change)] if self.plan.of_motion else []
-        self.indistinct = self._test_classes(scan)
-        if self.indistinct is not None:
-            return scan, [Threshold(*ends, 0.5 * (ends[0].value + ends[1].value), NOT_NARROWED, "") for ends in changes]
-        found = self._run("border", [self._bisect(low, high) for low, high in changes])
-        thresholds = [threshold for threshold in found if threshold is not None]
-        self.indistinct = self._unstable_range(scan)
+        self._beside_chaos = any(map(self._is_doubtful, changes))
+        located = self._run("branch", [self._locate(*change) for change in changes])
+        left = [change for change, point in zip(changes, located, strict=True) if point is None]
+        narrowed: list[Threshold | None] = [not_narrowed(*change) for change in left]
+        if not any(map(self._is_doubtful, left)):
+            narrowed = self._run("border", [self._bisect(*change) for change in left])
+        thresholds = [threshold for threshold in (*located, *narrowed) if threshold is not None]
+        self._note_indistinct([(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED], scan)
         return scan, thresholds
 
-    def _unstable_range(self, scan: Sequence[ScanPoint]) -> Indistinct | None:
-        """Return the range in which attractors cannot be told apart, by all values so far."""
-        return indistinct(self._doubtful, [*scan, *self.evaluated], self.plan)
+    def _places_of_seeds(self, changes: Sequence[Pair]) -> list[float]:
+        """Return where starts have other seeds: beside chaos at sides of its changes, otherwise all over the range."""
+        sides = dict.fromkeys(end.value for change in changes if self._is_doubtful(change) for end in change)
+        return list(sides)[:: math.ceil(len(sides) / VALUES_BETWEEN)] if sides else self._places.between()
 
-    def _test_classes(self, scan: Sequence[ScanPoint]) -> Indistinct | None:
-        """Repeat the motions at doubtful changes with other seeds, then with twice the time, until a class changes.
+    def _is_doubtful(self, change: Pair) -> bool:
+        """Whether attractors are compared, and those on both sides of a change cannot be told apart."""
+        return self.plan.of_motion and self.plan.from_ == "initial" and is_doubtful(change)
 
-        Those on known orbits come first, as they cost least.
-        """
-        ends = {end.value: is_known_orbit(end) for change in self._doubtful for end in change}
-        orbits, others = ([at for at in ends if ends[at] == known] for known in (True, False))
-        seeds = [orbits, others] if self.disturbed else []
-        for stage, places in enumerate([*seeds, others]):
-            found = self._unstable_range(scan)
-            if found is not None:
-                return found
-            longer = stage == len(seeds)
-            tests = (
-                [self._single(at, "extended", times=2) for at in places]
-                if longer
-                else [self._single(at, "seed", next(self._seeds)) for at in places]
-            )
-            self._run(f"class-{stage}", tests)
-        return self._unstable_range(scan)
+    def _note_indistinct(self, changes: Sequence[Pair], scan: Sequence[ScanPoint]) -> None:
+        """Note the range of those of these changes that are doubtful, if any are."""
+        doubtful = [change for change in changes if self._is_doubtful(change)]
+        if doubtful:
+            self.indistinct = indistinct(doubtful, [*scan, *self.evaluated], self.plan)
 
     @property
     def disturbed(self) -> bool:
@@ -196,7 +189,7 @@ class ThresholdSearch:
     def _differ(self, one: ScanPoint, other: ScanPoint) -> bool:
         return one.is_classified(self.plan) and other.is_classified(self.plan) and not self._alike(one, other)
 
-    def _changes(self, scan: Sequence[ScanPoint]) -> list[tuple[ScanPoint, ScanPoint]]:
+    def _changes(self, scan: Sequence[ScanPoint]) -> list[Pair]:
         """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
         good = [value for value in scan if not value.failed]
         leaps = [False] * (len(good) - 1)
@@ -241,17 +234,17 @@ class ThresholdSearch:
                 break
         threshold = None
         if not values[-1].failed and not self._alike(*values[-2:]):
-            threshold, more = yield from self._bisect(*values[-2:])
+            threshold, more = yield from self._locate(*values[-2:])
             evaluated += more
+            if threshold is None:
+                threshold, more = yield from self._bisect(*values[-2:])
+                evaluated += more
         return (values[1:], threshold), evaluated
 
     # -- one change ----------------------------------------------------------------------------------------------------
 
-    def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
-        """Narrow a change between two values, the motion of the first of which is continued with ``previous``.
-
-        There is none where measures that leap between values of the scan meet as they draw nearer.
-        """
+    def _locate(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
+        """Look for a change between two values on the branch of an orbit, with ``previous`` on that of the first."""
         evaluated: list[ScanPoint] = []
         for begin, end in ((one, other), (other, one)):
             point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), evaluated)
@@ -259,12 +252,23 @@ class ThresholdSearch:
                 return point, evaluated
             if self.plan.from_ == "previous":
                 break
+        return None, evaluated
+
+    def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
+        """Halve the interval of a change, the motion at the first end of which is continued with ``previous``.
+
+        There is none where measures that leap between values of the scan meet as they draw nearer. The interval is
+        left as it is where attractors on both sides cannot be told apart.
+        """
+        evaluated: list[ScanPoint] = []
         first = one
-        while abs(other.value - one.value) > self.plan.narrow:
+        while abs(other.value - one.value) > self.plan.narrow and not self._is_doubtful((one, other)):
             nearer = yield from self._halve(one, other, evaluated)
             if nearer is None:
                 break
             one, other = nearer
+        if self._is_doubtful((one, other)):
+            return not_narrowed(one, other), evaluated
         meet = yield from self._meet(one, other, evaluated)
         if meet and self._alike(one, other):
             return None, evaluated
@@ -361,9 +365,9 @@ class ThresholdSearch:
         of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
         measures meet within their standard errors, where a measure of chaos scatters around a level. A start that
         shows that attractors cannot be told apart ends the rounds. Nothing is searched for with ``previous``, where the
-        outcome at a value depends on the way to it, nor where attractors cannot be told apart.
+        outcome at a value depends on the way to it, nor beside chaos.
         """
-        if self.plan.from_ == "previous" or self.indistinct is not None:
+        if self.plan.from_ == "previous" or self._beside_chaos or self.indistinct is not None:
             return zones([*scan, *self.evaluated], thresholds, self.plan)
         searched: set[tuple[float, bool]] = set()
         for number in range(MAX_ROUNDS + 1):
@@ -373,7 +377,8 @@ class ThresholdSearch:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
             self._challenge_ends(number, ends)
-            self.indistinct = self._unstable_range(scan)
+            good = sorted((one for one in self.evaluated if one.is_classified(self.plan)), key=lambda one: one.value)
+            self._note_indistinct([pair for pair in pairwise(good) if not self._alike(*pair)], scan)
             if self.indistinct is not None:
                 return zones([*scan, *self.evaluated], thresholds, self.plan)
         growing = [zone for zone, _ in ends]

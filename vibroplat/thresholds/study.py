@@ -12,7 +12,7 @@ import pandas as pd
 
 from vibroplat.columns import TEXT, Columns, is_angle, unit_of
 from vibroplat.config.circular import bound_meaning, value_text
-from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.plausibility import WARNING
@@ -182,22 +182,19 @@ class ThresholdStudy(Study):
     ) -> tuple[str, list[str]]:
         """Return the headline and the lines below it where attractors cannot be told apart."""
         key = column_of(self.plan.key)
-        lines = []
-        for one, other in found.pairs[:MAX_LISTED]:
-            how = "twice the settling time" if other.seed == one.seed else "another seed"
-            lines.append(f"at {place_words(key, one.value)}: {one.text}; with {how}: {other.text}")
-        for one in found.late[:MAX_LISTED]:
-            after = quantity(one.row["settle_s"], "s", digits=2)
-            lines.append(f"at {place_words(key, one.value)}: {one.text} only after {after} of another motion")
-        for change in [one for zone in zones for one in zone.thresholds if one.low.row["sync"] != one.high.row["sync"]]:
-            where = place_words(key, change.low.value, change.high.value)
-            lines.append(f"between {where}: {change.low.text} → {change.high.text}")
+        lines = ["ask for the synchronization instead: find.compare: regime"]
         asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
-        lines.append("ask for the synchronization instead: find.compare: regime")
         if asked:
             lines.append(f"or for a measure, find.expression: {asked}")
+        narrowed = [zone for zone in zones if any(one.kind != NOT_NARROWED for one in zone.thresholds)]
+        lines += [line for zone in narrowed for line in self._lines_of(zone)][:MAX_LISTED]
+        for one, other in found.pairs[:MAX_LISTED]:
+            lines.append(f"at {place_words(key, one.value)}: {one.text}; with another seed: {other.text}")
+        for change in [one for zone in zones for one in zone.thresholds if one.kind == NOT_NARROWED][:MAX_LISTED]:
+            where = place_words(key, change.low.value, change.high.value)
+            lines.append(f"between {where}: {change.low.text} → {change.high.text}")
         where = place_words(key, found.low, found.high)
-        return f"attractors cannot be told apart over {where}: their classes depend on seed or settling time", lines
+        return f"attractors cannot be told apart over {where}, beside motion that does not repeat", lines
 
     def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
