@@ -7,7 +7,7 @@ doubtful: only the point at which an orbit loses its stability can be located th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, groupby
+from itertools import combinations, groupby, pairwise
 from typing import NamedTuple
 
 from vibroplat.columns import unit_of
@@ -57,13 +57,20 @@ def unstable_classes(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
     return pairs
 
 
-def indistinct(changes: Sequence[Pair], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct:
-    """Return the range of doubtful changes in ascending order, at least one; of those within a synchronization if any.
+def neighbours_that_differ(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
+    """Return the pairs of neighbours with different outcomes, in ascending order."""
+    good = sorted((one for one in values if one.is_classified(plan)), key=lambda one: one.value)
+    return [(one, other) for one, other in pairwise(good) if one.outcome(plan) != other.outcome(plan)]
 
-    Those between two synchronizations can be asked for by themselves.
+
+def indistinct(changes: Sequence[Pair], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct | None:
+    """Return the range of those of these changes, in ascending order, that are doubtful; None if none is.
+
+    Changes between two synchronizations count only if there are no others, as they can be asked for by themselves.
     """
-    within = [change for change in changes if change[0].row["sync"] == change[1].row["sync"]] or changes
-    return Indistinct(within[0][0].value, within[-1][1].value, unstable_classes(values, plan))
+    doubtful = [change for change in changes if plan.of_motion and is_doubtful(change)]
+    within = [change for change in doubtful if change[0].row["sync"] == change[1].row["sync"]] or doubtful
+    return Indistinct(within[0][0].value, within[-1][1].value, unstable_classes(values, plan)) if within else None
 
 
 def measures_to_ask(found: Indistinct, values: Sequence[ScanPoint]) -> list[str]:

@@ -29,7 +29,7 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful
+from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful, neighbours_that_differ
 from vibroplat.thresholds.evidence import (
     FIRST_STARTS,
     MAX_ROUNDS,
@@ -44,13 +44,17 @@ from vibroplat.thresholds.evidence import (
     zones,
 )
 from vibroplat.thresholds.values import (
+    LEVEL_CROSSING,
+    OPPOSITE_CROSSING,
     ScanPoint,
     evaluate,
     has_errors,
+    kind_of_crossing,
     measures_meet,
     relative_difference,
     scale_of,
     start_time,
+    sure_around,
     with_final_supply,
 )
 
@@ -119,8 +123,10 @@ class ThresholdSearch:
         changes = self._changes(scan)
         places = self._places_of_seeds(changes) if self.disturbed else []
         others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in places])
-        if others and not changes:  # what the seed of the scene alone does not show
-            changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
+        if others and not any(map(self._is_doubtful, changes)):
+            every = self._changes(sorted([*scan, *others], key=lambda value: value.value))
+            if not changes or any(map(self._is_doubtful, every)):  # what the seed of the scene alone does not show
+                changes = every
         self._beside_chaos = any(map(self._is_doubtful, changes))
         located = self._run("branch", [self._locate(*change) for change in changes])
         left = [change for change, point in zip(changes, located, strict=True) if point is None]
@@ -128,7 +134,8 @@ class ThresholdSearch:
         if not any(map(self._is_doubtful, left)):
             narrowed = self._run("border", [self._bisect(*change) for change in left])
         thresholds = [threshold for threshold in (*located, *narrowed) if threshold is not None]
-        self._note_indistinct([(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED], scan)
+        open_changes = [(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED]
+        self.indistinct = indistinct(open_changes, [*scan, *self.evaluated], self.plan)
         return scan, thresholds
 
     def _places_of_seeds(self, changes: Sequence[Pair]) -> list[float]:
@@ -139,12 +146,6 @@ class ThresholdSearch:
     def _is_doubtful(self, change: Pair) -> bool:
         """Whether attractors are compared, and those on both sides of a change cannot be told apart."""
         return self.plan.of_motion and self.plan.from_ == "initial" and is_doubtful(change)
-
-    def _note_indistinct(self, changes: Sequence[Pair], scan: Sequence[ScanPoint]) -> None:
-        """Note the range of those of these changes that are doubtful, if any are."""
-        doubtful = [change for change in changes if self._is_doubtful(change)]
-        if doubtful:
-            self.indistinct = indistinct(doubtful, [*scan, *self.evaluated], self.plan)
 
     @property
     def disturbed(self) -> bool:
@@ -190,13 +191,12 @@ class ThresholdSearch:
         return one.is_classified(self.plan) and other.is_classified(self.plan) and not self._alike(one, other)
 
     def _changes(self, scan: Sequence[ScanPoint]) -> list[Pair]:
-        """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
-        good = [value for value in scan if not value.failed]
+        """Return the neighbours, of those with an outcome, between which it changes, or measures leap."""
+        good = [value for value in scan if not (value.failed or value.is_either_side(self.plan))]
         leaps = [False] * (len(good) - 1)
         if self.plan.of_motion:
-            leaps = find_jumps(
-                pd.DataFrame([{column_of(self.plan.key): value.value, **value.row} for value in good])
-            ).tolist()
+            rows = [{column_of(self.plan.key): value.value, **value.row} for value in good]
+            leaps = find_jumps(pd.DataFrame(rows)).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
     # -- from value to value -------------------------------------------------------------------------------------------
@@ -227,18 +227,22 @@ class ThresholdSearch:
             point = yield from self._locate_on_branch(first, ahead[-1], abs(way[0] - first.value), evaluated)
         if point is not None:
             return ([], point), evaluated
+        before, threshold = first, None
         for at in way:
             value = yield from self._value(at, "scan", values[-1])
             values.append(value)
-            if value.failed or not self._alike(values[-2], value):
+            if value.failed:
                 break
-        threshold = None
-        if not values[-1].failed and not self._alike(*values[-2:]):
-            threshold, more = yield from self._locate(*values[-2:])
-            evaluated += more
-            if threshold is None:
-                threshold, more = yield from self._bisect(*values[-2:])
+            if value.is_either_side(self.plan):
+                continue
+            if not self._alike(before, value):
+                threshold, more = yield from self._locate(before, value)
                 evaluated += more
+                if threshold is None:
+                    threshold, more = yield from self._bisect(before, value)
+                    evaluated += more
+                break
+            before = value
         return (values[1:], threshold), evaluated
 
     # -- one change ----------------------------------------------------------------------------------------------------
@@ -255,13 +259,13 @@ class ThresholdSearch:
         return None, evaluated
 
     def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
-        """Halve the interval of a change, the motion at the first end of which is continued with ``previous``.
+        """Narrow a change between two values, the motion of the first of which is continued with ``previous``.
 
-        There is none where measures that leap between values of the scan meet as they draw nearer. The interval is
-        left as it is where attractors on both sides cannot be told apart.
+        There is none where measures that leap between values of the scan meet as they draw nearer. It is not narrowed
+        further where attractors on both sides cannot be told apart.
         """
         evaluated: list[ScanPoint] = []
-        first = one
+        ends, before = (one, other), one if self.plan.from_ == "previous" else None
         while abs(other.value - one.value) > self.plan.narrow and not self._is_doubtful((one, other)):
             nearer = yield from self._halve(one, other, evaluated)
             if nearer is None:
@@ -272,13 +276,14 @@ class ThresholdSearch:
         meet = yield from self._meet(one, other, evaluated)
         if meet and self._alike(one, other):
             return None, evaluated
-        kind = "level-crossing" if meet else "jump"
-        for end in (one, other):
-            longer = yield from self._value(end.value, "extended", first if self.plan.from_ == "previous" else None, 2)
+        low, high = sorted((one, other), key=lambda value: value.value)
+        low, high = sure_around(low, high, [*ends, *evaluated], self.plan)
+        kind = kind_of_crossing(low, high, self.plan) if meet else "jump"
+        for end in (low, high):
+            longer = yield from self._value(end.value, "extended", before, 2)
             evaluated.append(longer)
             if longer.failed or not self._alike(longer, end):
                 kind = "unresolved-transient"
-        low, high = sorted((one, other), key=lambda value: value.value)
         return Threshold(low, high, 0.5 * (low.value + high.value), kind, ""), evaluated
 
     def _halve(
@@ -352,7 +357,7 @@ class ThresholdSearch:
         if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
         gradual = relative_difference(inner, outer, self.plan) < MAX_GRADUAL * scale_of(inner, outer, self.plan)
-        kind = "level-crossing" if gradual else "jump"
+        kind = kind_of_crossing(inner, outer, self.plan) if gradual else "jump"
         low, high = sorted((inner, outer), key=lambda value: value.value)
         return Threshold(low, high, at, "unresolved-transient" if lingers else kind, special[0]["kind"])
 
@@ -363,9 +368,8 @@ class ThresholdSearch:
 
         Rounds of starts, each with a seed of its own, follow beyond both ends of a mixed interval and beyond both sides
         of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
-        measures meet within their standard errors, where a measure of chaos scatters around a level. A start that
-        shows that attractors cannot be told apart ends the rounds. Nothing is searched for with ``previous``, where the
-        outcome at a value depends on the way to it, nor beside chaos.
+        measures meet within their standard errors, where a measure of chaos scatters around a level. Nothing is
+        searched for with ``previous``, where the outcome at a value depends on the way to it, nor beside chaos.
         """
         if self.plan.from_ == "previous" or self._beside_chaos or self.indistinct is not None:
             return zones([*scan, *self.evaluated], thresholds, self.plan)
@@ -373,14 +377,10 @@ class ThresholdSearch:
         for number in range(MAX_ROUNDS + 1):
             all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
             ends = [end for zone in all_zones for end in self._open_ends(zone, searched)]
-            if not ends or number == MAX_ROUNDS:
+            if not ends or number == MAX_ROUNDS or self.indistinct is not None:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
             self._challenge_ends(number, ends)
-            good = sorted((one for one in self.evaluated if one.is_classified(self.plan)), key=lambda one: one.value)
-            self._note_indistinct([pair for pair in pairwise(good) if not self._alike(*pair)], scan)
-            if self.indistinct is not None:
-                return zones([*scan, *self.evaluated], thresholds, self.plan)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
@@ -389,7 +389,7 @@ class ThresholdSearch:
 
         Where an orbit loses stability it may: starts may be captured long before.
         """
-        crosses = one.kind == "level-crossing" and self.plan.expression is not None
+        crosses = one.kind in (LEVEL_CROSSING, OPPOSITE_CROSSING) and self.plan.expression is not None
         return not (crosses and not has_errors(one.low, one.high, self.plan))
 
     def _open_ends(self, zone: Zone, searched: Collection[tuple[float, bool]]) -> list[tuple[Zone, bool]]:
@@ -399,13 +399,16 @@ class ThresholdSearch:
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
     def _challenge_ends(self, number: int, ends: Sequence[tuple[Zone, bool]]) -> None:
-        """Make a round of starts beyond ends of zones, in batches; an end that is contradicted has no more of them."""
+        """Make a round of starts beyond ends in batches, until one contradicts the end or shows chaos."""
         for batch in range(len(BATCHES)):
             chains = [list(self._beyond(*end, number, batch)) for end in ends]
             tasks = [one for of_end in chains for one in of_end]
             contradicted = iter(self._run(f"beyond-{number}-{batch}", tasks))
             found = [any(list(islice(contradicted, len(of_end)))) for of_end in chains]
             ends = [end for end, differs in zip(ends, found, strict=True) if not differs]
+            self.indistinct = indistinct(neighbours_that_differ(self.evaluated, self.plan), self.evaluated, self.plan)
+            if self.indistinct is not None:
+                break
 
     def _beyond(
         self, zone: Zone, upward: bool, number: int, batch: int

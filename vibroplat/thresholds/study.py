@@ -33,10 +33,13 @@ from vibroplat.thresholds.distinct import Indistinct, measures_to_ask
 from vibroplat.thresholds.evidence import ERROR_PROBABILITY, NOT_NARROWED, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
 from vibroplat.thresholds.tables import POINT_COLUMNS, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
-from vibroplat.thresholds.values import ScanPoint, evaluate
+from vibroplat.thresholds.values import LEVEL_CROSSING, OPPOSITE_CROSSING, ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
-KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
+KIND_TEXTS = {
+    "unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged",
+    OPPOSITE_CROSSING: "no level-crossing, but the angle passes the opposite of the level",
+}
 #: Largest number of motions that show that attractors cannot be told apart, and of expressions that are proposed.
 MAX_LISTED = 3
 #: Outcomes of an expression in words.
@@ -270,7 +273,7 @@ class ThresholdStudy(Study):
 
     def _kind(self, one: Threshold) -> str:
         """Return the kind of a threshold in words; without an expression there is no level to cross."""
-        if one.kind == "level-crossing" and self.plan.expression is None:
+        if one.kind == LEVEL_CROSSING and self.plan.expression is None:
             return "the measures on both sides meet"
         return KIND_TEXTS.get(one.kind, one.kind)
 
@@ -324,7 +327,8 @@ class ThresholdStudy(Study):
 
     def _no_threshold(self, every: Sequence[ScanPoint]) -> tuple[str, list[str]]:
         """Return the headline and the line below it: how many values say so, and how far apart they are."""
-        plan, good = self.plan, [value for value in every if not value.failed and value.reason != "orbit"]
+        plan, known = self.plan, [value for value in every if not value.failed and value.reason != "orbit"]
+        good = [value for value in known if not value.is_either_side(plan)] or known
         key_range = f"from {plan.key} = {given(plan.start)} to {given(plan.stop)}"
         if not good:
             return f"nothing is known {key_range}", []
