@@ -29,7 +29,7 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-from vibroplat.thresholds.distinct import Indistinct, measures_to_ask
+from vibroplat.thresholds.distinct import Indistinct, is_doubtful, measures_to_ask
 from vibroplat.thresholds.evidence import ERROR_PROBABILITY, NOT_NARROWED, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
 from vibroplat.thresholds.tables import POINT_COLUMNS, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
@@ -193,9 +193,10 @@ class ThresholdStudy(Study):
         lines += [line for zone in narrowed for line in self._lines_of(zone)][:MAX_LISTED]
         for one, other in found.pairs[:MAX_LISTED]:
             lines.append(f"at {place_words(key, one.value)}: {one.text}; with another seed: {other.text}")
-        for change in [one for zone in zones for one in zone.thresholds if one.kind == NOT_NARROWED][:MAX_LISTED]:
-            where = place_words(key, change.low.value, change.high.value)
-            lines.append(f"between {where}: {change.low.text} → {change.high.text}")
+        changes = [(one.low, one.high) for zone in zones for one in zone.thresholds if one.kind == NOT_NARROWED]
+        for low, high in sorted(changes, key=is_doubtful)[:MAX_LISTED]:
+            alone = "" if is_doubtful((low, high)) else "; narrowed in a range of its own"
+            lines.append(f"between {place_words(key, low.value, high.value)}: {low.text} → {high.text}{alone}")
         where = place_words(key, found.low, found.high)
         return f"attractors cannot be told apart over {where}, beside motion that does not repeat", lines
 
