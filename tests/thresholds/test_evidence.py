@@ -27,6 +27,7 @@ from vibroplat.thresholds.evidence import (
     Threshold,
     facts,
     is_wanted,
+    may_depend_on_seed,
     zones,
 )
 from vibroplat.thresholds.search import start_key
@@ -524,6 +525,18 @@ def test_measures_that_meet_do_not_make_a_change_of_synchronization_sharp(known,
     monkeypatch.setattr(search, "evaluate", by_seed)
     plan = {name: ASKED[name] for name in ("key", "start", "scan", "tolerance")} | {"stop": 80.0, "compare": "regime"}
     assert " in all 104 starts there" in find(Scene().replace({"find": plan})).answer.headline
+
+
+def test_a_synchronization_that_changes_smoothly_along_a_known_orbit_needs_no_other_seeds():
+    regime = FindPlan(**{name: ASKED[name] for name in ("key", "start", "stop")} | {"compare": "regime"})
+    known_row = {"multiplier_max": 0.9, "rms_x_m": 0.0, "excitation_frequency_hz": 25.0, "phase_difference_rad": 2.094}
+    one, other = (value(at, 1.0, **known_row) for at in (1.0, 2.0))
+    smooth = between(one, other)._replace(kind="level-crossing")
+    unknown = smooth._replace(high=value(2.0, 1.0, **known_row | {"multiplier_max": None}))
+    assert not may_depend_on_seed(smooth, regime)
+    for case in (unknown, smooth._replace(kind="jump"), smooth._replace(special="fold")):
+        assert may_depend_on_seed(case, regime)
+    assert not may_depend_on_seed(unknown, PLAN), "an expression says what is measured"
 
 
 def test_what_was_measured_in_a_transient_is_told(known, monkeypatch):

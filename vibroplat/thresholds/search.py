@@ -40,15 +40,13 @@ from vibroplat.thresholds.evidence import (
     Threshold,
     Zone,
     is_wanted,
+    may_depend_on_seed,
     not_narrowed,
     zones,
 )
 from vibroplat.thresholds.values import (
-    LEVEL_CROSSING,
-    OPPOSITE_CROSSING,
     ScanPoint,
     evaluate,
-    has_errors,
     kind_of_crossing,
     measures_meet,
     relative_difference,
@@ -384,31 +382,25 @@ class ThresholdSearch:
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
-    def _jumps(self, one: Threshold) -> bool:
-        """Whether a threshold may depend on the seed: not where a sure measure crosses a level.
-
-        Where an orbit loses stability it may: starts may be captured long before.
-        """
-        crosses = one.kind in (LEVEL_CROSSING, OPPOSITE_CROSSING) and self.plan.expression is not None
-        return not (crosses and not has_errors(one.low, one.high, self.plan))
-
     def _open_ends(self, zone: Zone, searched: Collection[tuple[float, bool]]) -> list[tuple[Zone, bool]]:
         """Return a zone with each of its ends, True for the upper one, beyond which no round was."""
-        if not (zone.mixed or any(map(self._jumps, zone.thresholds))):
+        if not (zone.mixed or any(may_depend_on_seed(one, self.plan) for one in zone.thresholds)):
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
     def _challenge_ends(self, number: int, ends: Sequence[tuple[Zone, bool]]) -> None:
         """Make a round of starts beyond ends in batches, until one contradicts the end or shows chaos."""
         for batch in range(len(BATCHES)):
-            chains = [list(self._beyond(*end, number, batch)) for end in ends]
-            tasks = [one for of_end in chains for one in of_end]
-            contradicted = iter(self._run(f"beyond-{number}-{batch}", tasks))
-            found = [any(list(islice(contradicted, len(of_end)))) for of_end in chains]
-            ends = [end for end, differs in zip(ends, found, strict=True) if not differs]
-            self.indistinct = indistinct(neighbours_that_differ(self.evaluated, self.plan), self.evaluated, self.plan)
-            if self.indistinct is not None:
-                break
+            clear = []
+            for place, end in enumerate(ends):
+                found = self._run(f"beyond-{number}-{batch}-{place}", list(self._beyond(*end, number, batch)))
+                if not any(found):
+                    clear.append(end)
+                changes = neighbours_that_differ(self.evaluated, self.plan)
+                self.indistinct = indistinct(changes, self.evaluated, self.plan)
+                if self.indistinct is not None:
+                    return
+            ends = clear
 
     def _beyond(
         self, zone: Zone, upward: bool, number: int, batch: int
