@@ -26,7 +26,7 @@ BY_ROOM = [
         "return 2.0 * torque * (critical * slip) / → return torque * (critical * slip) /",
         "response[5] = 1.0 / p.lower_mass - response[1] → response[5] = 1.0 / p.lower_mass + response[1]",
         "upper = p.upper_mass * damping[4] * squares → upper = damping[4] * squares",
-        "heights - unbalance(0, state, p).x - unbalance(1, state, p).x → heights - unbalance(0, state, p).x",
+        "heights - first.x - second.x → heights - first.x",
         "total(total(motor - held)) → total(total(motor))",
         # the equations, and what is written from them
         "+ total(p.deck * net + p.unbalance * turned) → + total(p.deck * net - p.unbalance * turned)",
@@ -49,9 +49,7 @@ BY_ROOM = [
         "return ATTACH if pressed else FLY → return FLY",
         "before = min(run.state[GAP_RATE], 0.0) → before = run.state[GAP_RATE]",
         "run.zeros = 3  # gap, its rate and its acceleration\n    add_event → run.zeros = 0\n    add_event",
-        "run.zeros = 3  # gap, its rate and its acceleration\n    add_sliding_event → run.zeros = 0\n    add_sliding_event",
         "if run.restarts >= max_restarts and run.now - h.recent[oldest] < run.period: → if run.restarts >= max_restarts:",
-        "0.0 if -before < h.p.sticking_speed else h.p.restitution\n    impulse → h.p.restitution\n    impulse",
         "0.0 if -before < h.p.sticking_speed else h.p.restitution\n    blow → h.p.restitution\n    blow",
         "if force <= run.force_error and rate < 0.0: → if force <= run.force_noise and rate < 0.0:",
         "mode = SLIP_MINUS if run.fallen == 0 else SLIP_PLUS → mode = SLIP_PLUS if run.fallen == 0 else SLIP_MINUS",

@@ -10,7 +10,8 @@ flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a reboun
                                                            chatter is summed up: to attached or flight
 =========  ===================================  =========  ==========================================================
 
-With transport contact is stick, slip+ or slip−, each with two guards, linear forms of unknowns (:func:`guard_form`):
+With transport contact is stick, slip+ or slip−, each with two guards. All guards are linear forms of unknowns
+(:func:`guard_form`):
 
 =========  ===================================  =============================  ======================================
 mode       unknowns                             guards                         reset
@@ -37,7 +38,7 @@ import numpy as np
 from vibroplat.config.coordinates import Mode
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, SENSE, SYSTEMS
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, SENSE, STICKS, SYSTEMS
 
 # Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once
 # for each.
@@ -68,14 +69,14 @@ Form = tuple[int, float, int, float]
 
 @compiled
 def guard_form(system: int, which: int, p: Parameters) -> Form:
-    """Return a guard of a system with transport as a linear form.
+    """Return a guard of a system with material as a linear form.
 
     On a smooth deck slip has no sense, and the form of its rate is 0.
     """
     force, sense = DIFFERENTIAL[system], SENSE[system]
     if not ALGEBRAIC[system]:
         return GAP, 1.0, GAP, 0.0
-    if sense == 0.0:
+    if STICKS[system]:
         return force, p.static_friction, force + 1, -1.0 if which == 0 else 1.0
     if which == 0:
         return force, 1.0, force, 0.0
@@ -84,6 +85,6 @@ def guard_form(system: int, which: int, p: Parameters) -> Form:
 
 @inlined
 def guard_value(system: int, which: int, y: FloatArray, p: Parameters) -> float:
-    """Evaluate a guard of a system with transport."""
+    """Evaluate a guard of a system with material."""
     first, weight, second, other = guard_form(system, which, p)
     return weight * y[first] + other * y[second]

@@ -24,17 +24,7 @@ from vibroplat.config.sections import Initial
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
-from vibroplat.model.systems import (
-    ALGEBRAIC,
-    DIFFERENTIAL,
-    FULL_SIZE,
-    MOVING_SIZE,
-    PLACES,
-    SENSE,
-    SLIDES,
-    UNKNOWNS,
-    System,
-)
+from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE, UNKNOWNS, System
 
 #: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
@@ -169,8 +159,7 @@ RUN = np.dtype(
         ("events", np.int64),  # rows in the event list
         ("unread", np.int64),  # 0: somebody reads the steps; else they may be left out, and segments are counted from 1
         ("restarts", np.int64),
-        ("state", np.float64, FULL_SIZE),  # full state
-        ("along", np.float64, 2),  # place of the material along the deck, and its rate
+        ("state", np.float64, MOVING_SIZE),  # full state; without transport its last two numbers are 0
         ("turns", np.float64, 2),  # whole turns taken off its exciter angles (rad)
         ("atol", np.float64, UNKNOWNS),  # absolute tolerances of the segment's unknowns
         ("systems", np.int64, MODES),  # number of the system of each mode; −1 for a mode that the scene does not have
@@ -202,29 +191,6 @@ EVENT = np.dtype(
     ],
     align=True,
 )
-
-
-@compiled
-def gather_unknowns(run: Any, system: int, y: FloatArray) -> None:
-    """Fill the differential unknowns of a system from the present state."""
-    for i in range(DIFFERENTIAL[system]):
-        place = PLACES[system, i]
-        y[i] = run.state[place] if place < FULL_SIZE else run.along[place - FULL_SIZE]
-
-
-@compiled
-def scatter_unknowns(run: Any, system: int, y: FloatArray) -> None:
-    """Make a system's unknowns the present state; what the system does not have is 0."""
-    for i in range(FULL_SIZE):
-        run.state[i] = 0.0
-    for i in range(DIFFERENTIAL[system]):
-        place = PLACES[system, i]
-        if place < FULL_SIZE:
-            run.state[place] = y[i]
-        else:
-            run.along[place - FULL_SIZE] = y[i]
-    if SLIDES[system] and ALGEBRAIC[system] and SENSE[system] == 0.0:
-        run.along[1] = 0.0  # stick, but for round-off
 
 
 class Automaton(NamedTuple):

@@ -17,7 +17,7 @@ from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
-from vibroplat.model.systems import DIFFERENTIAL, GAP, SENSE, SIZES, SLIDES, UNKNOWNS
+from vibroplat.model.systems import ALONG_RATE, DIFFERENTIAL, GAP, SENSE, SIZES, SLIDES, UNKNOWNS
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 FIRST_STEP_RATIO = 0.05
@@ -254,7 +254,7 @@ def prepare_first_step(h: Automaton) -> float:
         tighter = 2.0 ** -halvings(run.tolerance, height, run.gap_scale, sure)
         run.atol[GAP] *= tighter * tighter
         run.atol[size // 2 + GAP] *= tighter
-    elif SENSE[run.systems[mode]] != 0.0 and run.along[1] == 0.0:
+    elif SENSE[run.systems[mode]] != 0.0 and run.state[ALONG_RATE] == 0.0:
         step = min(step, FIRST_STEP_RATIO * expected_slip(h, 1e-3 * step))
     step = min(step, curvature_step(run.ypp[mode, :size], run.atol[:size]))
     return max(step, ROUND_OFF * run.period)

@@ -18,9 +18,9 @@ from vibroplat.kernels.vectors import Lanes, size, some, zero
 from vibroplat.model import straight
 from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Three, inertial, unbalance
+from vibroplat.model.platform import Three, inertial, unbalance, unbalances
 from vibroplat.model.springs import DAMPERS, slopes
-from vibroplat.model.systems import ALGEBRAIC, GAP, LAYERS, UPPER
+from vibroplat.model.systems import ALGEBRAIC, ALONG, ALONG_RATE, GAP, LAYERS, UPPER
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
@@ -109,19 +109,30 @@ def elastic(state: FloatArray, p: Parameters) -> float:  # type: ignore[empty-bo
 
 
 @compiled
-def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float]:
+def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float, float]:
     """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s).
 
-    The last number is the sum of the sizes of both unbalances' momenta beside their axes; only forces from outside
-    change the vertical momentum.
+    The fifth number is the sum of the sizes of both unbalances' momenta beside their axes; only forces from outside
+    change the vertical momentum. With transport, where the full state has 16 numbers, the last one is the momentum
+    along the deck of machine and material, otherwise 0.
     """
     lower, upward = state[1] + state[5], np.zeros(7)
+    first, second = unbalances(state, p)
     heights = p.mass * state[1] + p.lower_mass * lower + p.upper_mass * (lower + state[6])
     upward[1] = 1.0
+    kinetic, gravity = 0.5 * inertia_product(state, state[7:], state[7:], p), p.gravity * (heights - first.x - second.x)
+    along = 0.0
+    if p.material_mass > 0.0:
+        rate = state[7] - p.deck_height * state[9] + state[ALONG_RATE]
+        places = p.mass * state[0] + p.material_mass * (state[0] - p.deck_height * state[2] + state[ALONG])
+        kinetic += 0.5 * p.material_mass * rate * rate
+        gravity -= p.slope * (places + first.y + second.y)
+        along = p.mass * state[7] + first.x * state[10] + second.x * state[11] + p.material_mass * rate
     return (
-        0.5 * inertia_product(state, state[7:], state[7:], p),
+        kinetic,
         elastic(state, p),
-        p.gravity * (heights - unbalance(0, state, p).x - unbalance(1, state, p).x),
+        gravity,
         inertia_product(state, upward, state[7:], p),
         p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11]),
+        along,
     )

@@ -24,7 +24,8 @@ from vibroplat.kernels.sines import sincos_pair
 from vibroplat.kernels.vectors import align_stack, at, four, join, part, select, some, total, zero
 from vibroplat.model.motor import both, sense_of
 from vibroplat.model.platform import compliance, couplings, mobility, solve_rows
-from vibroplat.model.series import SHARE, begin_along, put_along, touched
+from vibroplat.model.series import SHARE, begin_along, put_along
+from vibroplat.model.sliding import add_friction
 
 
 def {name}(motion, degree, room, p):
@@ -45,7 +46,8 @@ def {name}(motion, degree, room, p):
     # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
     quads[0, 0], quads[1, 0] = four(q_x, q_y, q_phi, y[3]), four(v_x, v_y, v_phi, v[3])
 """
-_HEAD_ALONG = """    q_along, v_along, reply, contact_law = begin_along(motion, inverse)
+_HEAD_ALONG = """    q_along, v_along = motion.y[8], motion.v[8]
+    reply, friction_law = begin_along(motion, inverse, p)
     slope, height, material = motion.slope, motion.height, 1.0 / motion.share
     a_along = friction = none
 """
@@ -59,17 +61,17 @@ _SOLVE = """
         b_3, b_4 = part(-{angle})
         b = (-{x}, -{y}, -{phi}, b_3, b_4)
         lower, above = -{gap}, -{upper}
-        free = solve_rows(attached, motion.lower_share, b, lower, above, inverse, p)
-"""
-_PLAIN = """        a, contact, opening, above = free
-        force = attached * contact
+        solution = solve_rows(attached, motion.lower_share, b, lower, above, inverse, p)
 """
 _ALONG = """        free_along = -{along} * motion.share
-        a, force, opening, above, a_along, friction = touched(free, above, free_along, motion, reply, contact_law)
+        solution, slip, friction = add_friction(solution, free_along, height, attached, reply, friction_law)
+        a_along = (1.0 - motion.stuck) * slip
         put_along(quads, k, q_along, v_along * share, friction)
         q_along, v_along = v_along * share, a_along * share
 """
-_NEXT = """        a_x, a_y, a_phi, a_angle = a[0], a[1], a[2], join(a[3], a[4])
+_NEXT = """        a, contact, opening, above = solution
+        force = attached * contact
+        a_x, a_y, a_phi, a_angle = a[0], a[1], a[2], join(a[3], a[4])
         a_gap, a_upper = flying * opening, two * above
         quads[at(k), 1] = four(second, q_gap, q_upper, force)
         quads[at(k + 2), 0] = four(a[0], a[1], a[2], a[3]) * twofold
@@ -91,7 +93,7 @@ _END = """    share = SHARE[at(degree)]
 #: Names that the texts use otherwise.
 _TAKEN = """y v p a b k j i m s c w n order share twofold twice free second following lower above contact opening
 inverse elapsed slope height material room motion speed sine cosine friction force none quads degree reply attached
-flying two"""
+flying two solution slip"""
 
 
 def traced(*, transport: bool) -> tuple[Rows, Node]:
@@ -406,7 +408,7 @@ def series(*, transport: bool) -> str:
             _TURN,
             inside(*w.lines),
             _SOLVE.format(**known),
-            _ALONG.format(**known) if transport else _PLAIN,
+            _ALONG.format(**known) if transport else "",
             _NEXT,
             inside(*stores),
             _ADVANCE,
