@@ -241,7 +241,7 @@ def friction_holds(h: Automaton) -> bool:
     return contact_holds_at_start(h, STICK) and abs(friction_force(h, STICK)) <= limit
 
 
-@compiled
+@inlined
 def take_mode(h: Automaton, mode: int) -> None:
     """Begin a mode at a closed gap: contact, or flight that opens it."""
     run = h.run

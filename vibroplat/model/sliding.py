@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused_inline
 from vibroplat.kernels.vectors import Lanes
 from vibroplat.model.impact import chatter_map, impact, impulse_response
 from vibroplat.model.parameters import Parameters
@@ -102,7 +102,7 @@ class ImpactResponse(NamedTuple):
     friction: Response
 
 
-@inlined
+@compiled
 def impact_response(state: FloatArray, p: Parameters) -> ImpactResponse:
     """Find the response to impulses at a full state."""
     normal = np.empty(7)
