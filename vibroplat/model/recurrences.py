@@ -64,8 +64,8 @@ _SOLVE = """
         solution = solve_rows(attached, motion.lower_share, b, lower, above, inverse, p)
 """
 _ALONG = """        free_along = -{along} * motion.share
-        solution, slip, friction = add_friction(solution, free_along, height, attached, reply, friction_law)
-        a_along = (1.0 - motion.stuck) * slip
+        solution, a_along, friction = add_friction(solution, free_along, height, attached, reply, friction_law)
+        a_along = (1.0 - motion.stuck) * a_along
         put_along(quads, k, q_along, v_along * share, friction)
         q_along, v_along = v_along * share, a_along * share
 """
@@ -93,7 +93,7 @@ _END = """    share = SHARE[at(degree)]
 #: Names that the texts use otherwise.
 _TAKEN = """y v p a b k j i m s c w n order share twofold twice free second following lower above contact opening
 inverse elapsed slope height material room motion speed sine cosine friction force none quads degree reply attached
-flying two solution slip"""
+flying two solution"""
 
 
 def traced(*, transport: bool) -> tuple[Rows, Node]:
