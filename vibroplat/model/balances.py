@@ -9,7 +9,7 @@ from __future__ import annotations
 from itertools import product
 from types import SimpleNamespace
 
-from vibroplat.model.graph import ONE, STATIC, Node, in_order, symbol
+from vibroplat.model.graph import ONE, STATIC, ZERO, Node, in_order, symbol
 from vibroplat.model.source import P, holds, unknowns
 from vibroplat.model.straight import PLACES, loads, of_system, text_of
 
@@ -51,11 +51,32 @@ def expanded(n: Node) -> Sum:
     return dict(sorted(found.items(), key=lambda term: [name_of(n) for n in term[0]]))
 
 
+def is_damping(factors: tuple[Node, ...]) -> bool:
+    """Whether a term of a force depends on rates."""
+    return any(name_of(n)[:2] == "v_" for n in in_order(factors))
+
+
 def dissipated(name: str) -> Sum:
     """Return the power that dampers on a coordinate take: the rate times what resists it by rates."""
     terms, rate = expanded(force_on(name)), symbol(f"v_{name}")
-    damping = {m: c for m, c in terms.items() if any(name_of(n)[:2] == "v_" for n in in_order(m))}
-    return {(*factors, rate): constant for factors, constant in damping.items()}
+    return {(*factors, rate): constant for factors, constant in terms.items() if is_damping(factors)}
+
+
+def elastic_energy() -> Node:
+    """Return the energy in the springs: the integral of what resists coordinates without rates."""
+    energy = ZERO
+    for name in _RELATIVE:
+        place = symbol(f"q_{name}")
+        for factors, constant in expanded(force_on(name)).items():
+            if is_damping(factors):
+                continue
+            if {*factors} - {place}:
+                raise ValueError(f"a spring on {name} must be a polynomial of that coordinate: it has no energy else")
+            power = place
+            for n in factors:
+                power = power * n
+            energy = energy + (1.0 / (len(factors) + 1)) * constant * power
+    return energy
 
 
 def foundation_terms() -> list[tuple[str, Sum]]:
@@ -98,6 +119,12 @@ def mean_of(terms: Sum, *, sizes: bool = False) -> str:
         text = text_of(constant, {})
         texts.append(f"({text}) * {mean}" if constant.op in ("sum", "difference") else f"{text} * {mean}")
     return " + ".join(texts) or "0.0"
+
+
+def elastic() -> str:
+    """Write the energy in the springs at a full state."""
+    names = {symbol(f"q_{name}"): f"state[{i}]" for i, name in enumerate(("x", "y", "phi", "", "", "gap", "upper"))}
+    return f"def elastic(state, p):\n    return {text_of(elastic_energy(), names)}\n"
 
 
 def dissipation() -> str:

@@ -15,7 +15,7 @@ from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlin
 from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.sines import sine_cosine
 from vibroplat.kernels.vectors import Lanes, size, some, zero
-from vibroplat.model import straight
+from vibroplat.model import balances
 from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, inertial, unbalance, unbalances
@@ -98,7 +98,7 @@ def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: Paramete
 
 
 @inlined
-@written(straight.elastic)
+@written(balances.elastic)
 def elastic(state: FloatArray, p: Parameters) -> float:  # type: ignore[empty-body]
     """Evaluate the energy in the springs at a full state (J)."""
 

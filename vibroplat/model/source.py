@@ -106,9 +106,3 @@ def equations(
         along=p.material_mass * (level - p.deck_height * a.phi + a.along) - friction,
         law=STUCK * (p.material_mass * a.along) + SLIPS * (friction + SLIDING * force),
     )
-
-
-def elastic_energy(q: SimpleNamespace, p: SimpleNamespace) -> Node:
-    """Energy in the springs (J)."""
-    platform = p.stiffness_x * (q.x * q.x) + p.stiffness_y * (q.y * q.y) + p.stiffness_phi * (q.phi * q.phi)
-    return 0.5 * (platform + p.upper_mass * p.layer_stiffness * (q.upper * q.upper))

@@ -24,7 +24,7 @@ from vibroplat.model.graph import (
     substituted,
     symbol,
 )
-from vibroplat.model.source import P, Rows, elastic_energy, equations, holds, motor, resistance, unknowns
+from vibroplat.model.source import P, Rows, equations, holds, motor, resistance, unknowns
 
 #: Coordinates: their places among those of a system, and what a system must have to have them.
 PLACES = {
@@ -271,12 +271,6 @@ def slopes() -> str:
         each = [substituted(derivative(f, symbol(f"{letter}_{name}")), at_rest) for name, f in forces.items()]
         values.append(f"({', '.join(text_of(value, {}) for value in each)})")
     return f"{_HEAD}\n\ndef slopes(p):\n    return {', '.join(values)}\n"
-
-
-def elastic() -> str:
-    """Write the energy in the springs at a full state."""
-    names = {symbol(f"q_{name}"): f"state[{i}]" for i, name in enumerate(("x", "y", "phi", "", "", "gap", "upper"))}
-    return f"def elastic(state, p):\n    return {text_of(elastic_energy(unknowns('q'), P), names)}\n"
 
 
 def couplings() -> str:

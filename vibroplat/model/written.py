@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vibroplat.model import recurrences, straight
+from vibroplat.model import balances, recurrences, straight
 
 #: Writers of all texts.
 WRITERS = (
@@ -14,7 +14,9 @@ WRITERS = (
         straight.rates_of_rows,
     ),
     *(straight.torque_of_one, straight.torques, straight.resistances),
-    *(straight.couplings, straight.slopes, straight.elastic, recurrences.plain, recurrences.along),
+    *(straight.couplings, straight.slopes, recurrences.plain, recurrences.along),
+    *(balances.elastic, balances.dissipation, balances.resisting_forces, balances.add_foundation_forces),
+    *(balances.curved_means, balances.foundation_forces),
 )
 
 if __name__ == "__main__":
