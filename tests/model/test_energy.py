@@ -9,7 +9,8 @@ from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies, exciter_
 from vibroplat.model.impact import kinetic_change
 from vibroplat.model.motor import motor_torques
 from vibroplat.model.parameters import parameters
-from vibroplat.model.springs import add_foundation_forces, curved_means, foundation_forces
+from vibroplat.model.springs import curved_means, foundation_forces, slopes
+from vibroplat.observe.loads import add_forces
 
 from .helpers import (
     EACH_PAIR,
@@ -54,12 +55,13 @@ def curve(samples, out, p):
 
 @compiled
 def load(sums, means, p):
-    add_foundation_forces(sums, means, 7, 1.0, p)
+    stiffness, damping = slopes(p)
+    add_forces(sums, means, np.array([stiffness, (damping[0], p.suspension_damping_y, damping[2], 0.0, 0.0)]), 7, 1.0)
 
 
 def means_of(state, p):
     """Return means over no time."""
-    means = np.empty((5, 16))
+    means = np.zeros((5, 16))
     means[:3, :14], means[3, :4] = (state, state**2, abs(state)), state[:4] * state[7:11]
     curve(np.array([state, state]), means[4], p)
     return means

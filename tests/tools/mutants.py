@@ -32,7 +32,7 @@ BY_ROOM = [
         "+ total(p.deck * net + p.unbalance * turned) → + total(p.deck * net - p.unbalance * turned)",
         "ay = lifted + p.axis_x * a.phi → ay = lifted - p.axis_x * a.phi",
         "p.friction * (speed * size(speed)) → p.friction * (speed * speed)",
-        "p.lower_mass * lower - p.upper_mass * spring - pressed → p.lower_mass * lower + p.upper_mass * spring - pressed",
+        "p.lower_mass * lower - p.upper_mass * hold.upper - pressed → p.lower_mass * lower + p.upper_mass * hold.upper - pressed",
         "+ twice * {self.at_zero(a)} → + {self.at_zero(a)}",
         "d[0] * x[1] + x[0] * d[1] → d[0] * x[1] - x[0] * d[1]",
         "-(n * n * d[0]) → n * n * d[0]",

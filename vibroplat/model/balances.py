@@ -1,173 +1,83 @@
-"""Writes what the balances of energy and momentum, and the loads of the foundation, take from what resists coordinates.
+"""Writes what balances and loads take from the forces that resist coordinates, each its own.
 
-Each is wanted as its mean over a time. Of a force that is linear it follows from the means of unknowns, of their
-squares and their products; of what is left (*curved* terms), the mean is formed at samples of the unknowns.
+Means over a time of forces that are linear follow from the means of unknowns and of their squares, by their slopes
+where all is 0. What *curved* forces have beyond that is added from samples.
 """
 
 from __future__ import annotations
 
-from itertools import product
+from collections.abc import Iterator
 from types import SimpleNamespace
 
-from vibroplat.model.graph import ONE, STATIC, ZERO, Node, in_order, symbol
-from vibroplat.model.source import P, holds, unknowns
-from vibroplat.model.straight import PLACES, loads, of_system, text_of
+from vibroplat.model.graph import ONE, STATIC, ZERO, Node, derivative, local, substituted, symbol
+from vibroplat.model.source import Holds, P, holds, unknowns
+from vibroplat.model.straight import Output, at_rest, lines_of, loads, of_system, text_of
 
-#: A sum: constants by the products of what moves that they multiply.
-Sum = dict[tuple[Node, ...], Node]
-
-#: Columns of samples from which the means of curved terms are formed.
-CURVED = 16
+#: Most powers of a coordinate in the force of a spring.
+MAX_POWER = 9
 
 
-def force_on(name: str, *, foundation: bool = False) -> Node:
-    """Return what resists a coordinate; with ``foundation`` as far as it acts on that."""
-    p = SimpleNamespace(**vars(P) | {"damping_y": P.suspension_damping_y}) if foundation else P
-    force: Node = getattr(holds(unknowns("q"), unknowns("v"), p), name)
-    return P.upper_mass * force if name == "upper" else force
+def resisted(p: SimpleNamespace = P) -> Iterator[tuple[str, Node, Node, Node]]:
+    """Go through coordinates: their names, themselves, their rates and what resists them."""
+    for name, force in holds(unknowns("q"), unknowns("v"), p)._asdict().items():
+        yield name, symbol(f"q_{name}"), symbol(f"v_{name}"), force
 
 
-def name_of(n: Node) -> str:
-    """Return what factors are sorted by: coordinates come before rates."""
-    return str(n.args[0]) if n.op == "symbol" else n.op
+def damped() -> list[str]:
+    """Return the names of coordinates with dampers."""
+    return [name for name, _, v, force in resisted() if not derivative(force, v).is_zero]
 
 
-def expanded(n: Node) -> Sum:
-    """Multiply a node out."""
-    if n.varies == STATIC:
-        return {} if n.is_zero else {(): n}
-    if n.op not in ("sum", "difference", "negative", "product"):
-        return {(n,): ONE}
-    parts, found = [expanded(x) for x in n.parts], Sum()
-    if n.op == "product":
-        terms = [(one + other, a * b) for (one, a), (other, b) in product(parts[0].items(), parts[1].items())]
-    else:
-        if n.op != "sum":
-            parts[-1] = {factors: -constant for factors, constant in parts[-1].items()}
-        terms = [term for part in parts for term in part.items()]
-    for factors, constant in terms:
-        key = tuple(sorted(factors, key=name_of))
-        found[key] = found[key] + constant if key in found else constant
-    return dict(sorted(found.items(), key=lambda term: [name_of(n) for n in term[0]]))
-
-
-def is_damping(factors: tuple[Node, ...]) -> bool:
-    """Whether a term of a force depends on rates."""
-    return any(name_of(n)[:2] == "v_" for n in in_order(factors))
-
-
-def dissipated(name: str) -> Sum:
-    """Return the power that dampers on a coordinate take: the rate times what resists it by rates."""
-    terms, rate = expanded(force_on(name)), symbol(f"v_{name}")
-    return {(*factors, rate): constant for factors, constant in terms.items() if is_damping(factors)}
-
-
-def elastic_energy() -> Node:
-    """Return the energy in the springs: the integral of what resists coordinates without rates."""
-    energy = ZERO
-    for name in _RELATIVE:
-        place = symbol(f"q_{name}")
-        for factors, constant in expanded(force_on(name)).items():
-            if is_damping(factors):
-                continue
-            if {*factors} - {place}:
-                raise ValueError(f"a spring on {name} must be a polynomial of that coordinate: it has no energy else")
-            power = place
-            for n in factors:
-                power = power * n
-            energy = energy + (1.0 / (len(factors) + 1)) * constant * power
-    return energy
-
-
-def foundation_terms() -> list[tuple[str, Sum]]:
-    """Return forces into the foundation along x and y and the moment, then their squares."""
-    forces = [(name, force_on(name, foundation=True)) for name in ("x", "y", "phi")]
-    return [(name, expanded(f)) for name, f in forces] + [(name, expanded(f * f)) for name, f in forces]
-
-
-def curved() -> list[tuple[Node, ...]]:
-    """Return all products whose means are formed from samples."""
-    sums = [dissipated(name) for name in PLACES if name in _RELATIVE] + [terms for _, terms in foundation_terms()]
-    found = dict.fromkeys(factors for terms in sums for factors in terms if not mean_of_unknowns(factors))
-    if len(found) > CURVED:
-        raise ValueError(f"more than {CURVED} terms of forces are not linear: raise balances.CURVED")
-    return list(found)
-
-
-#: Coordinates that springs and dampers resist.
-_RELATIVE = ("x", "y", "phi", "gap", "upper")
-
-
-def mean_of_unknowns(factors: tuple[Node, ...]) -> str:
-    """Write the mean of a product that follows from the unknowns' means; "" of a curved one."""
-    if not 0 < len(factors) < 3 or any(n.op != "symbol" for n in factors):
-        return ""
-    (first, name), last = name_of(factors[0]).split("_", 1), name_of(factors[-1])
-    place = PLACES[name][0] if first == "q" else f"n + {PLACES[name][0]}"
-    if len(factors) == 1 or factors[0] is factors[1]:
-        return f"means[{len(factors) - 1}, {place}]"
-    return f"means[3, {place}]" if name in ("x", "y", "phi") and last == f"v_{name}" else ""
-
-
-def mean_of(terms: Sum, *, sizes: bool = False) -> str:
-    """Write the mean of a sum, or of the sizes of its terms."""
+def slopes() -> str:
+    """Write the slopes of what resists coordinates by these and by their rates, where all are 0."""
     texts = []
-    for factors, constant in terms.items():
-        mean = mean_of_unknowns(factors) or f"means[4, {curved().index(factors)}]"
-        if sizes:
-            mean = mean.replace("means[0", "means[2") if mean.startswith("means[0") else f"abs({mean})"
-        text = text_of(constant, {})
-        texts.append(f"({text}) * {mean}" if constant.op in ("sum", "difference") else f"{text} * {mean}")
-    return " + ".join(texts) or "0.0"
+    for k in (0, 1):
+        each = [at_rest(derivative(force, (q, v)[k]), "qv") for _, q, v, force in resisted()]
+        texts.append(f"({', '.join(text_of(n, {}) for n in each)})")
+    return f"def slopes(p):\n    return {', '.join(texts)}\n"
 
 
 def elastic() -> str:
-    """Write the energy in the springs at a full state."""
-    names = {symbol(f"q_{name}"): f"state[{i}]" for i, name in enumerate(("x", "y", "phi", "", "", "gap", "upper"))}
-    return f"def elastic(state, p):\n    return {text_of(elastic_energy(), names)}\n"
-
-
-def dissipation() -> str:
-    """Write the powers that dampers take."""
-    damped = [name for name in _RELATIVE if dissipated(name)]
-    lines = [
-        f"    out[{i}] = {mean_of(dissipated(name))}" + (f" if {PLACES[name][1]} else 0.0" if PLACES[name][1] else "")
-        for i, name in enumerate(damped)
-    ]
-    return of_system("dissipation(means, system, out, p)", lines)
-
-
-def resisting_forces() -> str:
-    """Write the means of what resists x and y, and of the sizes of its terms."""
-    terms = [expanded(force_on(name)) for name in ("x", "y")]
-    pairs = [f"({mean_of(t)}, {mean_of(t, sizes=True)})" for t in terms]
-    return f"def resisting_forces(means, n, p):\n    return {', '.join(pairs)}\n"
-
-
-def add_foundation_forces() -> str:
-    """Write sums over time of the forces into the foundation, then of their squares."""
-    lines = [f"    sums[{i}] += duration * ({mean_of(t)})\n" for i, (_, t) in enumerate(foundation_terms())]
-    return "def add_foundation_forces(sums, means, n, duration, p):\n" + "".join(lines)
+    """Write the energy in the springs at a full state, by the Taylor series of their forces."""
+    places = {"x": 0, "y": 1, "phi": 2, "gap": 5, "upper": 6}
+    energy, names = ZERO, {symbol(f"q_{name}"): f"state[{place}]" for name, place in places.items()}
+    for name, q, _, force in resisted():
+        spring, power, factorial = at_rest(force, "v"), ONE, 1.0
+        for k in range(1, MAX_POWER + 2):
+            power, factorial = power * q, factorial * k
+            constant = substituted(spring, {q: ZERO})
+            if constant.varies != STATIC:
+                break
+            energy = energy + (1.0 / factorial) * (P.upper_mass * constant if name == "upper" else constant) * power
+            spring = derivative(spring, q)
+        if not spring.is_zero:
+            raise ValueError(f"a spring on {name} must be a polynomial of that alone, up to power {MAX_POWER}")
+    return f"def elastic(state, p):\n    return {text_of(energy, names)}\n"
 
 
 def curved_means() -> str:
-    """Write the means of curved terms from samples of the unknowns, whose first row is left out."""
-    head, terms = "curved_means(samples, weights, nodes, system, out, p)", curved()
-    if not terms:
+    """Write the means from samples of what forces have beyond slopes: power of dampers, force, and square of it."""
+    head, outputs = "curved_means(samples, weights, nodes, system, out, p)", []
+    for i, (_, q, v, force) in enumerate(resisted()):
+        stiffness, damping = (at_rest(derivative(force, by), "qv") for by in (q, v))
+        if (stiffness, damping) == (derivative(force, q), derivative(force, v)):
+            continue
+        linear = stiffness * q + damping * v
+        beyond, power = force - linear, v * (force - at_rest(force, "v") - damping * v)
+        if damping is derivative(force, v):
+            power = ZERO
+        for k, value in enumerate((power, beyond, beyond * (beyond + 2.0 * linear))):
+            outputs.append(Output("", f"out[{k * len(Holds._fields) + i}]", value))
+    if not outputs:
         return f"def {head}:\n    pass\n"
-    texts = []
-    for factors in terms:
-        whole = ONE
-        for n in factors:
-            whole = whole * n
-        texts.append(text_of(whole, {}))
-    within = [line.strip() for line in loads([n for factors in terms for n in factors])]
-    within += [f"out[{i}] += weights[i] * ({text})" for i, text in enumerate(texts)]
-    lines = [f"    out[:{len(terms)}] = 0.0", "    for i in range(nodes):", "        y = samples[i + 1]"]
-    return of_system(head, [*lines, *(f"        {line}" for line in within)])
+    within = ["y, weight = samples[i + 1], weights[i]", *loads(o.value for o in outputs)]
+    within += lines_of([o._replace(value=local("weight") * o.value) for o in outputs])
+    lines = [f"        {line.strip().replace('] = ', '] += ')}" for line in within]
+    return of_system(head, ["    out[:] = 0.0", "    for i in range(nodes):", *lines])
 
 
 def foundation_forces() -> str:
-    """Write the forces into the foundation along x and y."""
-    texts = [text_of(force_on(name, foundation=True), {}) for name in ("x", "y")]
+    """Write the forces into the foundation along x and y; an added damping of the platform is none of them."""
+    p = SimpleNamespace(**vars(P) | {"damping_y": P.suspension_damping_y})
+    texts = [text_of(force, {}) for name, _, _, force in resisted(p) if name in ("x", "y")]
     return f"def foundation_forces(q_x, q_y, v_x, v_y, p):\n    return {', '.join(texts)}\n"

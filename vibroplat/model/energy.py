@@ -19,15 +19,15 @@ from vibroplat.model import balances
 from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Three, inertial, unbalance, unbalances
-from vibroplat.model.springs import DAMPERS, dissipation, resisting_forces
-from vibroplat.model.systems import ALONG, ALONG_RATE
+from vibroplat.model.springs import CURVED_FORCE, DAMPERS, slopes
+from vibroplat.model.systems import ALGEBRAIC, ALONG, ALONG_RATE, GAP, LAYERS, UPPER
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
 POWERS = ("motor", "truncation", *DAMPERS, "resistance")
 
-#: Place of the first damper among the powers.
-DISSIPATIONS = 2
+#: Places of the dampers' coordinates among the relative ones, and of the first damper among the powers.
+_DAMPED, DISSIPATIONS = tuple(place for place, _ in DAMPERS.values()), 2
 
 #: Places after the powers in :func:`powers`: vertical force from outside, and the sum of its terms' sizes.
 FORCE, FORCE_SIZE = len(POWERS), len(POWERS) + 1
@@ -66,13 +66,22 @@ def powers(exciters: Three, means: FloatArray, n: int, system: int, out: FloatAr
     exciters
         Means of the powers of motors less what the platform takes of them, of truncation and resistance.
     means
-        As in :func:`vibroplat.model.springs.dissipation`, shape (3 or more, 2n or more).
+        Means of the unknowns, of their squares, of their sizes, of products, and
+        :func:`vibroplat.model.springs.curved_means`, shape (5, 2n or more).
     """
+    squares, sizes, (stiffness, damping), layers = means[1], means[2], slopes(p), LAYERS[system]
+    gap = damping[3] * squares[n + GAP] if layers > 0 and not ALGEBRAIC[system] else 0.0
+    upper = p.upper_mass * damping[4] * squares[n + UPPER[system]] if layers == 2 else 0.0
+    taken = damping[0] * squares[n], damping[1] * squares[n + 1], damping[2] * squares[n + 2], gap, upper
+    shares = 1.0, 1.0, 1.0, 1.0, p.upper_mass
     out[0], out[1], out[FORCE - 1] = exciters
-    dissipation(means, system, out[DISSIPATIONS:], p)
-    resisting, size_of_terms = resisting_forces(means, n, p)[1]
+    for i in range(len(_DAMPED)):
+        place = _DAMPED[i]
+        out[DISSIPATIONS + i] = taken[place] + shares[place] * means[4, place]
     weight = p.gravity * (p.mass + p.lower_mass + p.upper_mass)
-    out[FORCE], out[FORCE_SIZE] = -resisting - weight, size_of_terms + weight
+    resisting = stiffness[1] * means[0, 1] + damping[1] * means[0, n + 1] + means[4, CURVED_FORCE + 1]
+    out[FORCE] = -resisting - weight
+    out[FORCE_SIZE] = stiffness[1] * sizes[1] + damping[1] * sizes[n + 1] + weight
 
 
 @fused_inline

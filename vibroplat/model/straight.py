@@ -24,7 +24,7 @@ from vibroplat.model.graph import (
     substituted,
     symbol,
 )
-from vibroplat.model.source import P, Rows, equations, holds, motor, resistance, unknowns
+from vibroplat.model.source import P, Rows, equations, motor, resistance, unknowns
 
 #: Coordinates: their places among those of a system, and what a system must have to have them.
 PLACES = {
@@ -235,17 +235,17 @@ def mass_matrix() -> str:
     return write("mass_matrix(system, y, mass, p)", outputs, *clear)
 
 
-def at_rest(row: Node) -> Node:
-    """Return a row without accelerations and forces of contact."""
-    absent = [f"a_{name}" for name in PLACES] + [*FORCES]
-    return substituted(row, {symbol(name): ZERO for name in absent})
+def at_rest(n: Node, letters: str) -> Node:
+    """Return a node where coordinates (q), rates (v) or accelerations (a) and forces of contact are 0."""
+    absent = [f"{letter}_{name}" for name in PLACES for letter in letters] + [*FORCES]
+    return substituted(n, {symbol(name): ZERO for name in absent})
 
 
 def loads_on_rows() -> str:
     """Write the right-hand sides of the dynamic rows: forces, with their signs, as they are without acceleration."""
     found = of_one(traced()[0])
     outputs = [
-        Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -at_rest(row)) for name, row in found.items() if name != "law"
+        Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -at_rest(row, "a")) for name, row in found.items() if name != "law"
     ]
     return write("loads(system, t, y, b, p)", outputs)
 
@@ -261,16 +261,6 @@ def rates_of_rows() -> str:
         if name != "law":
             outputs.append(Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -rate))
     return write("rates_of_rows(system, t, y, yp, b, p)", outputs)
-
-
-def slopes() -> str:
-    """Write the slopes of what resists x, y, φ, y_w1, y_w2 by coordinates and by rates, where these are 0."""
-    at_rest, values = {symbol(f"{letter}_{name}"): ZERO for name in PLACES for letter in "qv"}, []
-    forces = holds(unknowns("q"), unknowns("v"), P)._asdict()
-    for letter in "qv":
-        each = [substituted(derivative(f, symbol(f"{letter}_{name}")), at_rest) for name, f in forces.items()]
-        values.append(f"({', '.join(text_of(value, {}) for value in each)})")
-    return f"{_HEAD}\n\ndef slopes(p):\n    return {', '.join(values)}\n"
 
 
 def couplings() -> str:

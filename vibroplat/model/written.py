@@ -14,9 +14,8 @@ WRITERS = (
         straight.rates_of_rows,
     ),
     *(straight.torque_of_one, straight.torques, straight.resistances),
-    *(straight.couplings, straight.slopes, recurrences.plain, recurrences.along),
-    *(balances.elastic, balances.dissipation, balances.resisting_forces, balances.add_foundation_forces),
-    *(balances.curved_means, balances.foundation_forces),
+    *(straight.couplings, recurrences.plain, recurrences.along),
+    *(balances.slopes, balances.elastic, balances.curved_means, balances.foundation_forces),
 )
 
 if __name__ == "__main__":

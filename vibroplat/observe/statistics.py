@@ -23,7 +23,7 @@ from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store
 from vibroplat.model.energy import DISSIPATIONS, FRICTION, exciter_powers, powers
 from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import add_foundation_forces, curved_means, slopes
+from vibroplat.model.springs import curved_means, slopes
 from vibroplat.model.systems import (
     ALONG,
     ALONG_RATE,
@@ -35,7 +35,7 @@ from vibroplat.model.systems import (
 )
 from vibroplat.observe.conveying import find_sliding
 from vibroplat.observe.extremes import IMPULSE, MAX_NODES, NODES, WEIGHTS, Equations, Span, set_pace
-from vibroplat.observe.loads import update_step_extremes
+from vibroplat.observe.loads import add_forces, update_step_extremes
 from vibroplat.observe.measures import (
     BINS,
     COSINE,
@@ -373,7 +373,7 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
         store(load_2(sums, 0, TORQUE) + duration * total(both(p.direction) * torque), sums, 0, TORQUE)
         for i in range(2):
             sums[SPEED + i] += duration * means[0, n + 3 + i]
-        add_foundation_forces(sums[PULL:], means, n, duration, p)
+        add_forces(sums[PULL:], means, room.springs, n, duration)
         sums[TIME] += duration
         sums[FLYING] += duration if MODES[system] == FLIGHT else 0.0
         for j in range(room.sliding.size if SLIDES[system] else 0):

@@ -57,7 +57,7 @@ AUDIT: Columns = {
     "truncation_work_j": Column(
         "work without a physical source", "the exciter axes turn with the platform to first order in phi only"
     ),
-    **{f"{name}_work_j": Column(f"energy dissipated by the {damper}") for name, damper in DAMPERS.items()},
+    **{f"{name}_work_j": Column(f"energy dissipated by the {damper}") for name, (_, damper) in DAMPERS.items()},
     "resistance_work_j": Column("energy dissipated by the resistance of both exciters"),
     "gravity_work_j": Column("work of gravity"),
     "impact_loss_j": Column("energy lost in impacts and chatters", "without friction along the deck"),
