@@ -13,27 +13,11 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import BARE, FLIGHT, STICK, guard_form
-from vibroplat.hybrid.resets import (
-    apply_chatter,
-    apply_impact,
-    apply_liftoff,
-    close_piece,
-    contact_mode,
-    end_slip,
-    end_stick,
-    guard_at_start,
-    is_outside_model,
-    last_end,
-    may_shift,
-    move_to,
-    prepare_consistent_start,
-    start_callback,
-    take_mode,
-)
+from vibroplat.hybrid.modes import BARE, FLIGHT
+from vibroplat.hybrid.resets import apply_chatter, apply_reset, contact_mode, meet_guard, take_mode
+from vibroplat.hybrid.starts import close_piece, is_outside_model, last_end, prepare_consistent_start, start_callback
 from vibroplat.hybrid.state import (
     CONSISTENT,
-    DIFFERENTIATED,
     EVENT,
     FORCE_NOISE,
     NON_FINITE,
@@ -48,14 +32,13 @@ from vibroplat.hybrid.state import (
     Automaton,
     Steps,
     absolute_tolerances,
-    end_at,
     force_noise,
     initial_state,
     state_scales,
 )
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import DIFFERENTIAL, GAP, GAP_RATE, SIZES, gather, systems
+from vibroplat.model.systems import GAP, GAP_RATE, gather, systems
 
 #: Events between two readings of their list. Where steps are read, an engine returns well before that: they are full.
 EVENT_ROWS = 2048
@@ -201,50 +184,3 @@ def end_segment(h: Automaton, stop: int) -> None:
         run.outcome = OUTSIDE_MODEL if is_outside_model(h) else NON_FINITE
     else:
         apply_reset(h)
-
-
-@inlined
-def apply_reset(h: Automaton) -> None:
-    """Apply the reset of the mode whose guard has fallen."""
-    if h.run.mode == FLIGHT:
-        apply_impact(h)
-    elif h.run.mode == STICK:
-        end_stick(h)
-    elif h.run.fallen == 1:
-        end_slip(h)
-    else:
-        apply_liftoff(h)
-
-
-@inlined
-def meet_guard(h: Automaton, last: int) -> None:
-    """Let the last step end exactly where the guard falls: gap or ṡ are 0 there, forces by the algebra at their limit.
-
-    The integrator finds the root of forces as it interpolates them, which satisfy the equations only to its tolerance;
-    flight must begin without a force, or the gap begins with an acceleration.
-    """
-    run, steps, mode = h.run, h.steps, h.run.mode
-    system = run.systems[mode]
-    place = guard_form(system, run.fallen, h.p)[0]
-    if place < DIFFERENTIAL[system]:
-        steps.ends[last, place] = 0.0  # the root is found to round-off
-        return
-    move_to(h, system, steps.ends[last])
-    if not prepare_consistent_start(h, mode, DIFFERENTIATED):
-        return
-    value, rate = guard_at_start(h)
-    shift = -value / rate if rate < 0.0 else 0.0
-    if not may_shift(h, shift):
-        return
-    length, moved = steps.length[last] + shift, np.empty(SIZES[system])
-    run.now += shift
-    for i in range(DIFFERENTIAL[system]):
-        moved[i] = run.y[mode, i] + shift * (run.yp[mode, i] + 0.5 * shift * run.ypp[mode, i])
-    move_to(h, system, moved)
-    # no better there
-    if not prepare_consistent_start(h, mode, DIFFERENTIATED) or abs(guard_at_start(h)[0]) > abs(value):
-        run.outcome = RUNNING
-        run.now -= shift
-        move_to(h, system, steps.ends[last])
-        return
-    end_at(steps, last, length / steps.length[last], run.y[mode, : SIZES[system]])

@@ -201,7 +201,7 @@ class Automaton(NamedTuple):
     recent: FloatArray  # times of the last restarts (s), as many as may lie within a period
     events: npt.NDArray[np.void]  # since the list was read, records of EVENT
     steps: Steps  # since they were read
-    start: int  # address of :func:`vibroplat.hybrid.resets.start_callback`
+    start: int  # address of :func:`vibroplat.hybrid.starts.start_callback`
     parameters: int  # address of p
 
 

@@ -16,7 +16,7 @@ from numba import carray  # type: ignore[attr-defined]
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS, Form, guard_form
-from vibroplat.hybrid.resets import cut_piece
+from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, end_at, rewind
 from vibroplat.integrate.multistep import (
     PreviousStep,

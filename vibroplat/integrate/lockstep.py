@@ -20,7 +20,7 @@ import numpy as np
 
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
-from vibroplat.hybrid.resets import cut_piece
+from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.group import Group, is_due, keeps
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, put_polynomials

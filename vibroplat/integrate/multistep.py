@@ -13,7 +13,7 @@ import numpy as np
 
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import COUNTS, FLIGHT, guard_form
-from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
+from vibroplat.hybrid.starts import derivatives, prepare_consistent_start
 from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values

@@ -127,26 +127,10 @@ def linearize(
 @compiled
 def platform_accelerations(system: int, times: FloatArray, states: FloatArray, p: Parameters) -> FloatArray:
     """Accelerations of x, y, φ at times (s) and full states of a system, shape (n, 3); nan where there are none."""
-    found = np.empty((times.size, 3))
-    y = np.empty(DIFFERENTIAL[system])
+    found, n = np.empty((times.size, 3)), DIFFERENTIAL[system] // 2
+    y, yp = np.empty(SIZES[system]), np.empty(SIZES[system])
     for k in range(times.size):
         gather(system, states[k], y)
-        found[k] = explicit(system, times[k], y, p)[y.size // 2 : y.size // 2 + 3]
+        exist = accelerations(system, times[k], y, yp, p)
+        found[k] = yp[n : n + 3] if exist else np.nan
     return found
-
-
-@compiled
-def explicit(system: int, t: float, y: FloatArray, p: Parameters) -> FloatArray:
-    """Return y′ of the differential unknowns and, attached, F_c behind it; nan where there are none.
-
-    This is what solvers of ordinary differential equations ask for.
-    """
-    size = y.size + 1 if ALGEBRAIC[system] else y.size
-    unknowns, rates = np.empty(SIZES[system]), np.empty(SIZES[system])
-    for i in range(y.size):
-        unknowns[i] = y[i]
-    if not accelerations(system, t, unknowns, rates, p):
-        rates[:] = np.nan
-    elif ALGEBRAIC[system]:
-        rates[y.size] = unknowns[y.size]
-    return rates[:size]

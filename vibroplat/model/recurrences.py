@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from types import SimpleNamespace
 
-from vibroplat.model.graph import HELD, MOVING, ONE, ZERO, Node, in_order, labelled, local, node, symbol, total
-from vibroplat.model.source import P, Rows, equations, unknowns
+from vibroplat.model.graph import HELD, MOVING, ONE, ZERO, Node, in_order, local, node, symbol, total
+from vibroplat.model.source import P, Rows
+from vibroplat.model.straight import FRICTION, traced
 
 #: How many series of both exciters, and of the platform, may be factors of products.
 PAIRS, SINGLES = 12, 10
@@ -24,8 +26,8 @@ from vibroplat.kernels.sines import sincos_pair
 from vibroplat.kernels.vectors import align_stack, at, four, join, part, select, some, total, zero
 from vibroplat.model.motor import both, sense_of
 from vibroplat.model.platform import compliance, couplings, mobility, solve_rows
-from vibroplat.model.series import SHARE, begin_along, put_along
-from vibroplat.model.sliding import add_friction
+from vibroplat.model.series import SHARE, put_along
+from vibroplat.model.sliding import add_friction, law, response
 
 
 def {name}(motion, degree, room, p):
@@ -47,8 +49,9 @@ def {name}(motion, degree, room, p):
     quads[0, 0], quads[1, 0] = four(q_x, q_y, q_phi, y[3]), four(v_x, v_y, v_phi, v[3])
 """
 _HEAD_ALONG = """    q_along, v_along = motion.y[8], motion.v[8]
-    reply, friction_law = begin_along(motion, inverse, p)
     slope, height, material = motion.slope, motion.height, 1.0 / motion.share
+    reply = response(inverse, height, attached * p.lower_mass, motion.share)
+    friction_law = law(motion.stuck, motion.sliding, reply)
     a_along = friction = none
 """
 _TURN = """
@@ -90,19 +93,12 @@ _END = """    share = SHARE[at(degree)]
 """
 
 
+#: What transport has of the parameters, by their names in the texts.
+_LOCALS = ("slope", "height", "material")
 #: Names that the texts use otherwise.
 _TAKEN = """y v p a b k j i m s c w n order share twofold twice free second following lower above contact opening
 inverse elapsed slope height material room motion speed sine cosine friction force none quads degree reply attached
 flying two solution"""
-
-
-def traced(*, transport: bool) -> tuple[Rows, Node]:
-    """Trace the equations, with transport or without, and the angles."""
-    q, v, a = unknowns("q"), unknowns("v"), unknowns("a")
-    absent = {"slope": ZERO, "deck_height": ZERO, "material_mass": ZERO}
-    along = {"slope": local("slope"), "deck_height": local("height"), "material_mass": local("material")}
-    p = SimpleNamespace(**vars(P) | (along if transport else absent))
-    return labelled(equations, q, v, a, symbol("force"), symbol("friction") if transport else ZERO, p), q.angle
 
 
 class Writer:
@@ -386,7 +382,10 @@ def _joined(n: Node, texts: list[str]) -> str:
 
 def series(*, transport: bool) -> str:
     """Write the kernel that expands motions, with transport or without."""
-    w = Writer(*traced(transport=transport))
+    names = ("slope", "deck_height", "material_mass")
+    along = {name: local(short) if transport else ZERO for name, short in zip(names, _LOCALS, strict=True)}
+    rows, found = traced(SimpleNamespace(**vars(P) | along), FRICTION if transport else ZERO)
+    w = Writer(rows, found["q_angle"])
     known = {name: _within(w.known(row) or "none") for name, row in w.rows.items()}
     stores = [*w.stores()]
     sine, cosine = w.slots[w.sine], w.slots[w.cosine]
@@ -425,11 +424,4 @@ def series(*, transport: bool) -> str:
     )
 
 
-def plain() -> str:
-    """Write the series without transport."""
-    return series(transport=False)
-
-
-def along() -> str:
-    """Write the series with transport."""
-    return series(transport=True)
+plain, along = partial(series, transport=False), partial(series, transport=True)

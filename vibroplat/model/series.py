@@ -25,8 +25,6 @@ from vibroplat.kernels.polynomial import MAX_DEGREE
 from vibroplat.kernels.vectors import Lanes, at, four, lanes_record, zero
 from vibroplat.model import recurrences
 from vibroplat.model.parameters import PARAMETERS, Parameters
-from vibroplat.model.platform import Compliance
-from vibroplat.model.sliding import Law, Response, law, response
 
 #: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
 FORCE = 7
@@ -99,13 +97,6 @@ def expand_plain(motion: Any, degree: int, room: Any, p: Parameters) -> None:
 @written(recurrences.along)
 def expand_along(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     """Do as :func:`expand` with transport."""
-
-
-@fused_inline
-def begin_along(motion: Any, inverse: Compliance, p: Parameters) -> tuple[Response, Law]:
-    """Find the response to friction and its law in a mode."""
-    r = response(inverse, motion.height, motion.attached * p.lower_mass, motion.share)
-    return r, law(motion.stuck, motion.sliding, r)
 
 
 @fused_inline

@@ -38,19 +38,11 @@ PLACES = {
     "along": ("n - 1", "slides"),
 }
 #: Rows, alike.
-ROWS = {
-    "x": ("n", ""),
-    "y": ("n + 1", ""),
-    "phi": ("n + 2", ""),
-    "angle_0": ("n + 3", ""),
-    "angle_1": ("n + 4", ""),
-    "gap": ("lower", "layers > 0"),
-    "upper": ("n + upper", "two"),
-    "along": ("2 * n - 1", "slides"),
-    "law": ("2 * n + 1", "touches"),
-}
+ROWS = {name: (f"n + {place}", condition) for name, (place, condition) in PLACES.items()}
+ROWS |= {"gap": ("lower", "layers > 0"), "law": ("2 * n + 1", "touches")}
 #: Forces of contact, alike.
 FORCES = {"force": ("2 * n", "contact"), "friction": ("2 * n + 1", "touches")}
+FRICTION = symbol("friction")
 
 _HEAD = """
 import numpy as np
@@ -97,14 +89,11 @@ class Output(NamedTuple):
     value: Node
 
 
-def traced() -> tuple[Rows, dict[str, Node]]:
-    """Trace the equations: rows of pairs, and all unknowns by their names."""
-    q, v, a = unknowns("q"), unknowns("v"), unknowns("a")
-    found = {"force": symbol("force"), "friction": symbol("friction"), "elapsed": local("elapsed")}
-    rows = labelled(equations, q, v, a, found["force"], found["friction"], P)
-    for letter, of in (("q", q), ("v", v), ("a", a)):
-        found |= {f"{letter}_{name}": n for name, n in vars(of).items()}
-    return rows, found
+def traced(p: SimpleNamespace = P, friction: Node = FRICTION) -> tuple[Rows, dict[str, Node]]:
+    """Trace the equations: rows of pairs, and all coordinates, rates and accelerations by their names."""
+    motion = {letter: unknowns(letter) for letter in "qva"}
+    rows = labelled(equations, *motion.values(), symbol("force"), friction, p)
+    return rows, {f"{letter}_{name}": n for letter, of in motion.items() for name, n in vars(of).items()}
 
 
 def of_one(rows: Rows) -> dict[str, Node]:
