@@ -22,7 +22,7 @@ import numpy as np
 from vibroplat.kernels.compiled import fused, fused_inline
 from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.polynomial import MAX_DEGREE
-from vibroplat.kernels.vectors import Lanes, at, four, lanes_record, zero
+from vibroplat.kernels.vectors import lanes_record
 from vibroplat.model import recurrences
 from vibroplat.model.parameters import PARAMETERS, Parameters
 
@@ -97,10 +97,3 @@ def expand_plain(motion: Any, degree: int, room: Any, p: Parameters) -> None:
 @written(recurrences.along)
 def expand_along(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     """Do as :func:`expand` with transport."""
-
-
-@fused_inline
-def put_along(quads: Any, k: int, along: Lanes, following: Lanes, friction: Lanes) -> None:
-    """Store the coefficients of order k of s and F_t, and that of order k + 1 of s, as long as it is the last."""
-    none = zero(along)
-    quads[at(k), 2], quads[at(k + 1), 2] = four(along, friction, none, none), four(following, none, none, none)
