@@ -50,15 +50,11 @@ LIFTOFF, IMPACT, CHATTER, SUPPLY, SLIP, STOP, REVERSAL = _NUMBERS
 KINDS = ("liftoff", "impact", "chatter", "drive", "slip", "stick", "reversal")
 
 
-def _guard(mode: Mode, differential: int) -> int:
-    """Place of a mode's guard among its unknowns; −1 for none."""
-    return {Mode.BARE: -1, Mode.FLIGHT: GAP}.get(mode, differential)
-
-
-#: Guards by the number of the system; with transport the first unknown of the first guard.
-GUARDS = np.array([_guard(system.mode, system.differential) for system in SYSTEMS])
+#: Guards by the number of the system: their places among the unknowns, with transport that of the first unknown of the
+#: first guard; −1 for none.
+GUARDS = np.array([{Mode.BARE: -1, Mode.FLIGHT: GAP}.get(system.mode, system.differential) for system in SYSTEMS])
 #: How many guards a system has.
-COUNTS = np.array([1 + (system.slides and system.algebraic) for system in SYSTEMS])
+COUNTS = np.array([(system.layers > 0) + (system.slides and system.algebraic) for system in SYSTEMS])
 #: Modes by the number of the system.
 MODES = np.array([int(system.mode) for system in SYSTEMS])
 
