@@ -9,7 +9,9 @@ to that of s:
     κ = m_w1 (𝓜⁻¹t)_y in contact,    d = 1/m_w + t·𝓜⁻¹t.
 
 What a mode holds gives F_t: in stick s̈ = 0, in slip of the sense σ F_t = −μ_k σ F_c, in flight F_t = 0. The same holds
-for impulses. An inclined deck adds g_x: the platform and the exciters feel ẍ − g_x, as they feel ÿ + g along y.
+for impulses. Slip is unique as long as μ_s |κ| < 1. With 𝓜 of the platform alone and n = (0, 1, 0, 0, 0), Delassus'
+matrix of contact is D_nn = 1/m_w1 + n·𝓜⁻¹n, D_nt = n·𝓜⁻¹t, D_tt = 1/m_w + t·𝓜⁻¹t, and κ = D_nt/D_nn. An inclined
+deck adds g_x: the platform and the exciters feel ẍ − g_x, as they feel ÿ + g along y.
 
 Literature: Glocker, Set-Valued Force Laws, 2001; Pfeiffer and Glocker, Multibody Dynamics with Unilateral Contacts,
 1996; Kane, Impact of rods: an apparent paradox, 1984.
