@@ -16,7 +16,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.loop import automaton, beginning, first_mode
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
-from vibroplat.hybrid.sliding import apply_sliding_corner
 from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray, quick_call
@@ -132,8 +131,7 @@ class Simulator:
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
         """
         self._run[0] = self.beginning
-        self._run["state"] = state[:FULL_SIZE]
-        self._run["along"][:, : len(state) - FULL_SIZE] = state[FULL_SIZE:]
+        self._run["state"][:, : len(state)] = state
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
@@ -142,7 +140,7 @@ class Simulator:
     def beginnings(self, states: FloatArray) -> npt.NDArray[np.void]:
         """Return records of :data:`vibroplat.hybrid.state.RUN` of motions from full states, shape (motions, 14)."""
         runs = np.repeat(self.beginning.reshape(1), len(states))
-        runs["state"], runs["along"][:, : states.shape[1] - FULL_SIZE] = np.split(states, [FULL_SIZE], axis=1)
+        runs["state"][:, : states.shape[1]] = states
         return runs
 
     def resume(self, run: np.void, recent: FloatArray) -> None:
@@ -235,9 +233,7 @@ class Simulator:
         while end < time and self.outcome == "ok" and self.now >= end:
             if time > self.now >= self._interval.end:
                 self._change_supply()
-                (apply_supply_corner if self.scene.transport is None else apply_sliding_corner)(
-                    h, self._interval.corner
-                )
+                apply_supply_corner(h, self._interval.corner)
                 self._rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # an observer may have run out of memory
@@ -306,9 +302,8 @@ class Simulator:
 
     @property
     def _state(self) -> FloatArray:
-        run = self.automaton.run
-        state: FloatArray = run["state"]
-        return state if self.scene.transport is None else np.concatenate([state, run["along"]])
+        state: FloatArray = self.automaton.run["state"]
+        return state if self.scene.transport is not None else state[:FULL_SIZE]
 
     @property
     def system(self) -> System:
