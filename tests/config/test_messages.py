@@ -3,11 +3,18 @@
 Types, ranges and defaults of all keys are in results/configuration.md, which is compared elsewhere.
 """
 
+import ast
+import re
+from pathlib import Path
+
 import pytest
 
+import vibroplat
 from vibroplat import Scene, load_config
 from vibroplat.config.drive import MAX_ENTRIES
+from vibroplat.config.keys import in_lists
 from vibroplat.config.reader import parse_overrides
+from vibroplat.config.schema import nodes
 from vibroplat.errors import ConfigError
 
 SECTIONS = ", ".join(Scene.model_fields)
@@ -254,3 +261,22 @@ def test_messages_about_settings(scene_of, complaint):
     assert told == [line for _, _, line in SETTINGS]
     line = "c.yaml: drive.supply_frequency_hz lies inside drive, which already has a value"
     assert complaint("", {"drive": 3, "drive.supply_frequency_hz": 50.0}) == line
+
+
+def texts():
+    """All texts of the package but docstrings."""
+    for path in Path(vibroplat.__file__).parent.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        docstrings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in docstrings:
+                yield node.value
+
+
+def test_keys_that_are_named_anywhere_exist():
+    known = set(nodes(Scene))
+    sections = "|".join({name.partition(".")[0] for name in known if "." in name})
+    named = re.findall(rf"(?<![\w./-])(?:{sections})\.[a-z]\w*(?:\.\w+)*", "\n".join(texts()))
+    assert len(set(named)) > 60
+    unknown = {name for name in named if in_lists(name.split(".")) not in known}
+    assert unknown == {"machine.gif", "orbits.json"}

@@ -83,7 +83,7 @@ SUMMARY: Columns = {
     "regime": Column("synchronization and kind of motion", "as of the samples of a design", kind=TEXT),
     "period": Column(
         "period of the motion, in turns of exciter 1",
-        f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
+        f"0: none up to {MAX_PERIOD}, or not settled; a note has both periods near a doubling; means are over whole ones",
         kind=COUNT,
     ),
     "stroke_change": Column(
