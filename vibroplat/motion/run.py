@@ -83,7 +83,7 @@ SUMMARY: Columns = {
     "regime": Column("synchronization and kind of motion", "as of the samples of a design", kind=TEXT),
     "period": Column(
         "period of the motion, in turns of exciter 1",
-        f"0: none up to {MAX_PERIOD}, or not settled; a note has both periods near a doubling; means are over whole ones",
+        f"0: none up to {MAX_PERIOD}, or not settled; near a doubling a note has both; means are over whole periods",
         kind=COUNT,
     ),
     "stroke_change": Column(

@@ -395,8 +395,8 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
     chaotic = int((table["motion"] == "chaotic").sum())
     if chaotic:
         lines.append(
-            f"{HINT}{counted(chaotic, 'chaotic point')}: other attractors were not looked for: basins; chaos that ends only "
-            "after sweep.measure_s looks alike"
+            f"{HINT}{counted(chaotic, 'chaotic point')}: other attractors were not looked for: basins; chaos that ends "
+            "only after sweep.measure_s looks alike"
         )
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
