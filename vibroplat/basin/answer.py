@@ -108,8 +108,8 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, sets: Sequence[AttractorSet]) 
         notes.append(f"{HINT}{hint}")
     if table["motion"].isin(TRANSIENT_MOTIONS).any():
         notes.append(
-            f"fractions are those within {plan.max_turns} turns and may change beyond them: other motions were "
-            "grouped by windows of their last turns, and one motion of each group was classified"
+            f"fractions are those within {plan.max_turns} turns and may change beyond them: motions that had not "
+            "converged to an orbit were grouped by their last turns, and one of each group was classified"
         )
     for one in sets:
         chaos = [k for k, record in enumerate(one.attractors) if record["row"]["motion"] == CHAOTIC and one.counts[k]]
