@@ -17,6 +17,7 @@ from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
+from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Contact, Exciter, Material, Motor, Transport
 
@@ -53,9 +54,11 @@ _AXES = (
 _OF_MATERIAL: dict[str, type[BaseModel]] = {"material": Material, "contact": Contact, "transport": Transport}
 _OF_TWO_LAYERS = ("lower_share", "natural_frequency_hz", "stiffness_n_per_m", "damping_ratio", "damping_n_s_per_m")
 
+#: Keys that count in runs alone.
+_OF_RUNS = ("run.duration_s", "output.sample_rate_hz", "output.accelerations")
 #: Reasons why keys have no effect that may be slips.
 _BARE = "there is no material, as material.mass_ratio is 0"
-_NOT_RANDOM = "run.perturbation is 0, so nothing is random"
+_NOT_RANDOM = "nothing is random, as nothing disturbs the start"
 
 
 class UsualRange(NamedTuple):
@@ -183,6 +186,13 @@ def _given_in_vain(scene: Scene, *, of_run: bool) -> list[str]:
     return _no_effect(unread, HINT)
 
 
+def set_in_vain(keys: Iterable[str], command: str) -> list[str]:
+    """Return the notes on keys that are set for a command whose result does not depend on them."""
+    others, of_runs = unused_sections(command) & KINDS.keys(), () if command == "run" else _OF_RUNS
+    vain = [key for key in keys if key.partition(".")[0] in others or key in of_runs]
+    return [f"{WARNING}no effect of {key} on {command}" for key in vain]
+
+
 def _no_effect(unread: Mapping[str, str], chosen: str = WARNING) -> list[str]:
     """Say which keys have no effect, a note for each reason; they begin with ``chosen`` unless it may be a slip."""
     notes = []
@@ -196,7 +206,7 @@ def _unread_keys(scene: Scene) -> dict[str, str]:
     """Name the keys that a scene does not read, with the reason."""
     material, contact = scene.material, scene.contact
     unread = {}
-    if not scene.run.perturbation:
+    if not scene.start_perturbation:
         unread["run.seed"] = _NOT_RANDOM
     of_layers = {f"material.{name}": "material.layers is 1" for name in _OF_TWO_LAYERS}
     if material.layers == 1:

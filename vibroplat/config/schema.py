@@ -55,8 +55,8 @@ PLAIN_NAME = rf"^[^{_PUNCTUATION}+._-][^{_PUNCTUATION}]*$"
 _SPELT = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "o", "ł": "l"}
 )
-#: The sign of printed numbers, which differs from the hyphen.
-MINUS = "−"
+#: The sign of printed numbers, which differs from the hyphen; and the dash that word processors make of one.
+MINUS, DASH = "−", "–"
 _NAMES = {
     NAME: "letters, digits and . _ + -, starting with a letter or digit",
     POINT_NAME: "at most 40 letters of English, digits and _, starting with a letter",
@@ -234,7 +234,7 @@ def _number_meant(given: Any) -> str:
     """Return the number that a text may mean: with another minus, decimal comma or separators; "" if it is none."""
     if not isinstance(given, str):
         return ""
-    text = re.sub(r"[\s'’_]", "", given.replace(MINUS, "-"))
+    text = re.sub(r"[\s'’_]", "", given.replace(MINUS, "-").replace(DASH, "-"))
     if text.count(",") == 1 and text.rfind(".") < text.find(","):
         text = text.replace(".", "").replace(",", ".")
     text = text.replace(",", "")
