@@ -131,6 +131,7 @@ def platform_accelerations(system: int, times: FloatArray, states: FloatArray, p
     y, yp = np.empty(SIZES[system]), np.empty(SIZES[system])
     for k in range(times.size):
         gather(system, states[k], y)
-        exist = accelerations(system, times[k], y, yp, p)
-        found[k] = yp[n : n + 3] if exist else np.nan
+        found[k] = np.nan
+        if accelerations(system, times[k], y, yp, p):
+            found[k] = yp[n : n + 3]
     return found
