@@ -62,6 +62,9 @@ CHECK_OFFSET = 0.02
 MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
+#: Longest period of an orbit that is followed beside chaos: motion comes to a longer one by luck, in a narrow window,
+#: and its branch may take as long as a sweep (64 turns: 7 s).
+MAX_PERIOD = 8
 #: Most starts whose time is measured, and chains in which those of a round are made: each chain ends at its first
 #: contradiction.
 TIMED_STARTS, CHAINS = 20, FIRST_STARTS
@@ -249,6 +252,8 @@ class ThresholdSearch:
         """Look for a change between two values on the branch of an orbit, with ``previous`` on that of the first."""
         evaluated: list[ScanPoint] = []
         for begin, end in ((one, other), (other, one)):
+            if self._is_doubtful((one, other)) and begin.row["period"] > MAX_PERIOD:
+                continue
             point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), evaluated)
             if point is not None:
                 return point, evaluated
@@ -348,11 +353,14 @@ class ThresholdSearch:
             evaluated += branch[1:]
         at = special[0]["value"]
         inner = yield from self._value(at + CHECK_OFFSET * (begin.value - at), "beside", branch[-1])
+        evaluated.append(inner)
+        if inner.failed or not self._alike(begin, inner):
+            return None
         beyond = min(CHECK_OFFSET * span, 0.5 * abs(end - at))
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
-        evaluated += [inner, outer]
+        evaluated.append(outer)
         lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
-        if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
+        if outer.failed or (lingers and not self.plan.of_motion):
             return None
         gradual = relative_difference(inner, outer, self.plan) < MAX_GRADUAL * scale_of(inner, outer, self.plan)
         kind = kind_of_crossing(inner, outer, self.plan) if gradual else "jump"
