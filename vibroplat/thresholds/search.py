@@ -29,11 +29,10 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful, neighbours_that_differ
+from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful
 from vibroplat.thresholds.evidence import (
     FIRST_STARTS,
     MAX_ROUNDS,
-    NOT_NARROWED,
     STARTS,
     VALUES_BETWEEN,
     ScaledKey,
@@ -78,6 +77,7 @@ LATER_BATCH_OF_OTHERS = 1
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
 T = TypeVar("T")
+Ends = Sequence[tuple[Zone, bool]]
 
 
 def start_key(scene: Scene, seed: int | None = None) -> tuple[int, ...]:
@@ -135,8 +135,7 @@ class ThresholdSearch:
         if not any(map(self._is_doubtful, left)):
             narrowed = self._run("border", [self._bisect(*change) for change in left])
         thresholds = [threshold for threshold in (*located, *narrowed) if threshold is not None]
-        open_changes = [(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED]
-        self.indistinct = indistinct(open_changes, [*scan, *self.evaluated], self.plan)
+        self.indistinct = indistinct(thresholds, [*scan, *self.evaluated], self.plan)
         return scan, thresholds
 
     def _places_of_seeds(self, changes: Sequence[Pair]) -> list[float]:
@@ -386,7 +385,7 @@ class ThresholdSearch:
             if not ends or number == MAX_ROUNDS or self.indistinct is not None:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
-            self._challenge_ends(number, ends)
+            self._make_round(number, ends, scan, thresholds)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
@@ -396,7 +395,7 @@ class ThresholdSearch:
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
-    def _challenge_ends(self, number: int, ends: Sequence[tuple[Zone, bool]]) -> None:
+    def _make_round(self, number: int, ends: Ends, scan: Sequence[ScanPoint], thresholds: Sequence[Threshold]) -> None:
         """Make a round of starts beyond ends in batches, until one contradicts the end or shows chaos."""
         for batch in range(len(BATCHES)):
             clear = []
@@ -404,8 +403,7 @@ class ThresholdSearch:
                 found = self._run(f"beyond-{number}-{batch}-{place}", list(self._beyond(*end, number, batch)))
                 if not any(found):
                     clear.append(end)
-                changes = neighbours_that_differ(self.evaluated, self.plan)
-                self.indistinct = indistinct(changes, self.evaluated, self.plan)
+                self.indistinct = indistinct(thresholds, [*scan, *self.evaluated], self.plan)
                 if self.indistinct is not None:
                     return
             ends = clear
