@@ -47,16 +47,6 @@ def is_doubtful(change: Pair) -> bool:
     return not all(value.row["period"] for value in change) and change[0].hangs == change[1].hangs
 
 
-def unstable_classes(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
-    """Return the doubtful changes between motions at the same value, one for each value."""
-    known = sorted((one for one in values if not one.failed and one.reason != "orbit"), key=lambda one: one.value)
-    pairs = []
-    for _, same in groupby(known, key=lambda one: one.value):
-        changes = (pair for pair in combinations(same, 2) if pair[0].outcome(plan) != pair[1].outcome(plan))
-        pairs += [pair for pair in changes if is_doubtful(pair)][:1]
-    return pairs
-
-
 def indistinct(thresholds: Sequence[Threshold], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct | None:
     """Return the range of doubtful changes: those that were not narrowed, and those between neighbouring values.
 
@@ -77,7 +67,8 @@ def indistinct(thresholds: Sequence[Threshold], values: Sequence[ScanPoint], pla
         return None
     low = min(change[0].value for change in within)
     high = max(change[1].value for change in within)
-    return Indistinct(low, high, unstable_classes(values, plan))
+    pairs = {one.value: (one, other) for one, other in doubtful if one.value == other.value}
+    return Indistinct(low, high, list(pairs.values()))
 
 
 def measures_to_ask(found: Indistinct, values: Sequence[ScanPoint]) -> list[str]:
