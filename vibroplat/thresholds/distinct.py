@@ -14,6 +14,7 @@ from vibroplat.columns import unit_of
 from vibroplat.config.digits import given, interval
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.study.point import ERRORS
+from vibroplat.thresholds.evidence import NOT_NARROWED, Threshold
 from vibroplat.thresholds.values import NOISE_ERRORS, ScanPoint
 
 #: Measures that may be asked for instead, and the largest difference of repetitions relative to their range.
@@ -43,34 +44,31 @@ class Indistinct(NamedTuple):
 
 def is_doubtful(change: Pair) -> bool:
     """Whether a side of a change does not repeat, so that its class may be luck; a capture is none."""
-    repeat = all(value.row["period"] and not value.leaving for value in change)
-    return not repeat and change[0].hangs == change[1].hangs
+    return not all(value.row["period"] for value in change) and change[0].hangs == change[1].hangs
 
 
-def unstable_classes(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
-    """Return the doubtful changes between motions at the same value, one for each value."""
-    known = sorted((one for one in values if not one.failed and one.reason != "orbit"), key=lambda one: one.value)
-    pairs = []
-    for _, same in groupby(known, key=lambda one: one.value):
-        changes = (pair for pair in combinations(same, 2) if pair[0].outcome(plan) != pair[1].outcome(plan))
-        pairs += [pair for pair in changes if is_doubtful(pair)][:1]
-    return pairs
+def indistinct(thresholds: Sequence[Threshold], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct | None:
+    """Return the range of doubtful changes: those that were not narrowed, and those between neighbouring values.
 
-
-def neighbours_that_differ(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
-    """Return the pairs of neighbours with different outcomes, in ascending order."""
-    good = sorted((one for one in values if one.is_classified(plan)), key=lambda one: one.value)
-    return [(one, other) for one, other in pairwise(good) if one.outcome(plan) != other.outcome(plan)]
-
-
-def indistinct(changes: Sequence[Pair], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct | None:
-    """Return the range of those of these changes, in ascending order, that are doubtful; None if none is.
-
-    Changes between two synchronizations count only if there are no others, as they can be asked for by themselves.
+    Changes at a special point are none. Those between two synchronizations count only if there are no others, as they
+    can be asked for by themselves. None if no change is doubtful.
     """
-    doubtful = [change for change in changes if plan.of_motion and is_doubtful(change)]
+    if not plan.of_motion:
+        return None
+    good = sorted((one for one in values if one.is_classified(plan)), key=lambda one: one.value)
+    changes = [pair for pair in pairwise(good) if pair[0].outcome(plan) != pair[1].outcome(plan)]
+    for one in thresholds:
+        if one.special:
+            changes = [pair for pair in changes if pair[0].value < one.low.value or pair[1].value > one.high.value]
+    changes += [(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED]
+    doubtful = [change for change in changes if is_doubtful(change)]
     within = [change for change in doubtful if change[0].row["sync"] == change[1].row["sync"]] or doubtful
-    return Indistinct(within[0][0].value, within[-1][1].value, unstable_classes(values, plan)) if within else None
+    if not within:
+        return None
+    low = min(change[0].value for change in within)
+    high = max(change[1].value for change in within)
+    pairs = {one.value: (one, other) for one, other in doubtful if one.value == other.value}
+    return Indistinct(low, high, list(pairs.values()))
 
 
 def measures_to_ask(found: Indistinct, values: Sequence[ScanPoint]) -> list[str]:

@@ -29,11 +29,10 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful, neighbours_that_differ
+from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful
 from vibroplat.thresholds.evidence import (
     FIRST_STARTS,
     MAX_ROUNDS,
-    NOT_NARROWED,
     STARTS,
     VALUES_BETWEEN,
     ScaledKey,
@@ -62,6 +61,9 @@ CHECK_OFFSET = 0.02
 MAX_HALVINGS = 20
 #: Change of the measures beyond a special point where stability is lost that is no jump.
 MAX_GRADUAL = 0.1
+#: Longest period of an orbit that is followed beside chaos: motion comes to a longer one by luck, in a narrow window,
+#: and its branch may take as long as a sweep (64 turns: 7 s).
+MAX_PERIOD = 8
 #: Most starts whose time is measured, and chains in which those of a round are made: each chain ends at its first
 #: contradiction.
 TIMED_STARTS, CHAINS = 20, FIRST_STARTS
@@ -75,6 +77,7 @@ LATER_BATCH_OF_OTHERS = 1
 EMPTY_RECORD: Record = {"rows": [], "special": []}
 
 T = TypeVar("T")
+Ends = Sequence[tuple[Zone, bool]]
 
 
 def start_key(scene: Scene, seed: int | None = None) -> tuple[int, ...]:
@@ -132,8 +135,7 @@ class ThresholdSearch:
         if not any(map(self._is_doubtful, left)):
             narrowed = self._run("border", [self._bisect(*change) for change in left])
         thresholds = [threshold for threshold in (*located, *narrowed) if threshold is not None]
-        open_changes = [(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED]
-        self.indistinct = indistinct(open_changes, [*scan, *self.evaluated], self.plan)
+        self.indistinct = indistinct(thresholds, [*scan, *self.evaluated], self.plan)
         return scan, thresholds
 
     def _places_of_seeds(self, changes: Sequence[Pair]) -> list[float]:
@@ -249,6 +251,8 @@ class ThresholdSearch:
         """Look for a change between two values on the branch of an orbit, with ``previous`` on that of the first."""
         evaluated: list[ScanPoint] = []
         for begin, end in ((one, other), (other, one)):
+            if self._is_doubtful((one, other)) and begin.row["period"] > MAX_PERIOD:
+                continue
             point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), evaluated)
             if point is not None:
                 return point, evaluated
@@ -348,11 +352,14 @@ class ThresholdSearch:
             evaluated += branch[1:]
         at = special[0]["value"]
         inner = yield from self._value(at + CHECK_OFFSET * (begin.value - at), "beside", branch[-1])
+        evaluated.append(inner)
+        if inner.failed or not self._alike(begin, inner):
+            return None
         beyond = min(CHECK_OFFSET * span, 0.5 * abs(end - at))
         outer = yield from self._value(at + math.copysign(beyond, end - at), "beside", inner)
-        evaluated += [inner, outer]
+        evaluated.append(outer)
         lingers = self._alike(inner, outer) or outer.leaving or outer.row["motion"] == "undecided"
-        if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
+        if outer.failed or (lingers and not self.plan.of_motion):
             return None
         gradual = relative_difference(inner, outer, self.plan) < MAX_GRADUAL * scale_of(inner, outer, self.plan)
         kind = kind_of_crossing(inner, outer, self.plan) if gradual else "jump"
@@ -378,7 +385,7 @@ class ThresholdSearch:
             if not ends or number == MAX_ROUNDS or self.indistinct is not None:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
-            self._challenge_ends(number, ends)
+            self._make_round(number, ends, scan, thresholds)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
@@ -388,7 +395,7 @@ class ThresholdSearch:
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
-    def _challenge_ends(self, number: int, ends: Sequence[tuple[Zone, bool]]) -> None:
+    def _make_round(self, number: int, ends: Ends, scan: Sequence[ScanPoint], thresholds: Sequence[Threshold]) -> None:
         """Make a round of starts beyond ends in batches, until one contradicts the end or shows chaos."""
         for batch in range(len(BATCHES)):
             clear = []
@@ -396,8 +403,7 @@ class ThresholdSearch:
                 found = self._run(f"beyond-{number}-{batch}-{place}", list(self._beyond(*end, number, batch)))
                 if not any(found):
                     clear.append(end)
-                changes = neighbours_that_differ(self.evaluated, self.plan)
-                self.indistinct = indistinct(changes, self.evaluated, self.plan)
+                self.indistinct = indistinct(thresholds, [*scan, *self.evaluated], self.plan)
                 if self.indistinct is not None:
                     return
             ends = clear

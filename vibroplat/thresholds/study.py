@@ -189,8 +189,12 @@ class ThresholdStudy(Study):
         asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
         if asked:
             lines.append(f"or for a measure, find.expression: {asked}")
-        narrowed = [zone for zone in zones if any(one.kind != NOT_NARROWED for one in zone.thresholds)]
-        lines += [line for zone in narrowed for line in self._lines_of(zone)][:MAX_LISTED]
+        narrowed = []
+        for zone in zones:
+            known = [one for one in zone.thresholds if one.kind != NOT_NARROWED]
+            special = [f"{self._threshold(one)}: {one.low.text} → {one.high.text}" for one in known if one.special]
+            narrowed += special or (self._lines_of(zone) if known else [])
+        lines += narrowed[:MAX_LISTED]
         for one, other in found.pairs[:MAX_LISTED]:
             lines.append(f"at {place_words(key, one.value)}: {one.text}; with another seed: {other.text}")
         changes = [(one.low, one.high) for zone in zones for one in zone.thresholds if one.kind == NOT_NARROWED]
