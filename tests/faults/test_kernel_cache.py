@@ -335,11 +335,11 @@ def called(tmp_path, name, arguments):
 
 @pytest.mark.long
 def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
-    """``value`` is compiled for ``at_highest`` alone, not for Python, and taken from disk for ``value_range``."""
+    """``value`` is compiled for ``at_highest`` alone, and taken from disk for ``first_downcrossing``."""
     assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 0 0")
     names = {path.name.split("-")[0] for path in tmp_path.rglob("*.bin")}
     assert names == {f"kernels.polynomial.{name}" for name in ("at_highest", "slope.inside", "value.inside")}
-    assert called(tmp_path, "value_range", "c, 3, 0, 0.0, 1.0, (1.0, 1.7)").endswith(" 1 0")
+    assert called(tmp_path, "first_downcrossing", "c, 3, 0, 0").endswith(" 1 0")
 
 
 def chosen(monkeypatch, features=None, **settings):
