@@ -13,9 +13,9 @@ from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import initial_state
 from vibroplat.model.accelerations import explicit
 from vibroplat.motion.recorder import Recorder
-from vibroplat.observe import shots
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation
+from vibroplat.shooting import shots
 
 KEY = "drive.supply_frequency_hz"
 

@@ -9,9 +9,9 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
 from vibroplat.errors import ConfigError
-from vibroplat.observe.data_sheet import SHEET, columns, whole_columns
 from vibroplat.observe.extremes import FORCE, empty_extremes, merge_extremes
-from vibroplat.observe.synchronization import converges, fluctuates
+from vibroplat.report.data_sheet import SHEET, columns, whole_columns
+from vibroplat.report.synchronization import converges, fluctuates
 from vibroplat.results.sheet import FURTHER, Sheet, all_lines
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}

@@ -49,7 +49,7 @@ SECTION_ROWS = 1024
 #:
 #: * points of the section and counts of events: whether a motion repeats, for settling and searches for orbits;
 #: * sums: means and RMS values, which tell motions from each other;
-#: * extremes: all that :func:`vibroplat.observe.summary.measure` gathers, for rows of tables and orbits;
+#: * extremes: all that :func:`vibroplat.report.summary.measure` gathers, for rows of tables and orbits;
 #: * the whole run: pace at extremes, and when phase differences and speeds were met, for the sheet of a run.
 SECTION_POINTS, SUMMED, WITH_EXTREMES, WHOLE_RUN = range(4)
 #: Longest period, in turns of exciter 1, that is searched for at the end of a motion; so many of the last points of the

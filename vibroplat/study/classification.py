@@ -33,7 +33,7 @@ from vibroplat.model.parameters import FloatArray, parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import MAX_FINAL_PERIOD, SUMMED, Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import MAX_PERIOD, least_period, period, section_points, section_rows
-from vibroplat.observe.summary import COHERENCE, MeasuredInterval, statistics
+from vibroplat.report.summary import COHERENCE, MeasuredInterval, statistics
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector, SettlingResult, contraction_period
 

@@ -23,7 +23,6 @@ from vibroplat.model.sliding import sliding_energies
 from vibroplat.model.springs import DAMPERS
 from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.conveying import turn_speeds
-from vibroplat.observe.data_sheet import data_sheet, means, rms_about_mean
 from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
 from vibroplat.observe.measures import (
     N_POWERS,
@@ -35,6 +34,7 @@ from vibroplat.observe.measures import (
     measured_extremes,
     require,
 )
+from vibroplat.report.data_sheet import data_sheet, means, rms_about_mean
 
 #: Phase coherence below which exciters are not synchronous: the mean of their phase difference is meaningless.
 COHERENCE = 0.8

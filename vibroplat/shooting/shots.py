@@ -33,11 +33,11 @@ from vibroplat.model.energy import energies
 from vibroplat.model.parameters import record_words
 from vibroplat.model.sensitivity import Course, go_along
 from vibroplat.model.systems import FULL_SIZE, GAP
-from vibroplat.observe.guard_margins import update_minima
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import ON_SECTION, offset_of, section_angle
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow, perturb
+from vibroplat.shooting.guard_margins import update_minima
 
 #: Parts of measures that a shot needs; the others belong to a Poincaré section.
 PARTS = 6
@@ -79,7 +79,7 @@ class ShotRecords(NamedTuple):
     variation, follow, arrive
         The derivative that is carried along, and addresses of its kernels.
     look, least
-        Address of :func:`vibroplat.observe.guard_margins.update_minima`, and what it lowers.
+        Address of :func:`vibroplat.shooting.guard_margins.update_minima`, and what it lowers.
     statistics, blank, measured
         Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning, and
         now, as numbers, one part after the other.

@@ -342,7 +342,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, slow: Sequence[Any],
         When it began (s).
     slow
         Motors that slip as captured ones do, each with its ``speed`` and the ``synchronous`` one (Hz); see
-        :func:`vibroplat.observe.notes.slow_motors`.
+        :func:`vibroplat.report.notes.slow_motors`.
     locked
         Whether the exciters are synchronized in the measured part.
     """
