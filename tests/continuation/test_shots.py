@@ -51,7 +51,7 @@ def test_there_is_room_for_all_events_of_a_shot(monkeypatch):
     scene = flying()
     with closing(Shooter(scene)) as shooter:
         whole = shooter.shot(initial_state(scene), 0.3, full=True)
-    monkeypatch.setattr(shots, "ROOM", 1)
+    monkeypatch.setattr(shots, "MAX_EVENTS", 1)
     with closing(Shooter(scene)) as shooter:
         found = shooter.shot(initial_state(scene), 0.3, full=True)
     np.testing.assert_array_equal(found.events, whole.events)

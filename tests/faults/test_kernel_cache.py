@@ -24,6 +24,8 @@ from vibroplat.kernels.target import GENERIC, processor
 PACKAGE = Path(vibroplat.__file__).parent
 #: Folders with kernels.
 ROOMS = ("hybrid", "integrate", "kernels", "model", "observe", "shooting")
+#: A source with a kernel.
+KERNEL = "from vibroplat.kernels.compiled import inlined\n\n\n@inlined\ndef kernel(): ...\n"
 #: What is told where there is no place for machine code.
 NOWHERE = "no folder can be written to keep them, so each process compiles them; NUMBA_CACHE_DIR names one"
 
@@ -35,9 +37,9 @@ def package(tmp_path, monkeypatch):
     for room in ROOMS:
         (found / room).mkdir(parents=True)
         (found / room / "source.py").write_text("one = 1\n")
-        (found / room / "kernel.py").write_text("@inlined\ndef kernel(): ...\n")
+        (found / room / "kernel.py").write_text(KERNEL)
     (found / "page").mkdir()
-    (found / "page/source.py").write_text("# names @inlined alone\n")
+    (found / "page/source.py").write_text("from vibroplat.kernels.compiled import FloatArray\n")
     for name in cache.SHARED:
         (found / name).parent.mkdir(exist_ok=True)
         (found / name).write_text("two = 2\n")

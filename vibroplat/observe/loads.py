@@ -59,7 +59,7 @@ def update_acceleration_extremes(
     extremes, k
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the place of the quantity in it.
     room
-        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at the samples; its squares are overwritten.
+        Record of :data:`vibroplat.observe.room.ROOM` with the values at the samples; its squares are overwritten.
     sideways
         1, or 0 if the acceleration along y alone counts.
     spot

@@ -105,7 +105,7 @@ class Accumulators(NamedTuple):
         What the last row was at whole turns, the last of them, turn n in row n modulo their number.
     seen
         When each sort of phase difference, and of speed of exciters 1 and 2, was last met (s), and the motors' work
-        until then (J), shape (3, SORTS, 2).
+        until then (J), shape (3, BINS, 2).
     section
         Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
         of them, as ``closed``. Without room for any, nothing is cut to whole turns.

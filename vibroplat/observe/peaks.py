@@ -32,8 +32,8 @@ from vibroplat.kernels.vectors import (
 )
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
 from vibroplat.observe.extremes import (
+    CONTACT_FORCE,
     DRIVEN_1,
-    FORCE,
     GAPS,
     OPENING,
     POINTS,
@@ -146,7 +146,7 @@ def cover(extremes: Any, above: int, below: int, room: Any, span: Span) -> None:
     extremes, above, below
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the bits of :func:`beyond_limits`.
     room, span
-        Record of :data:`vibroplat.observe.statistics.ROOM` with quantities at the samples, and the limits beyond which
+        Record of :data:`vibroplat.observe.room.ROOM` with quantities at the samples, and the limits beyond which
         an extreme is new; the part.
     """
     count = 0
@@ -203,7 +203,7 @@ def put_series(k: int, sense: float, room: Any, lane: int, span: Span) -> None:
         second, share, other = n + first, room.springs[0, first], room.springs[1, first]
     elif k >= DRIVEN_1:
         first = n + 3 + k - DRIVEN_1
-    elif k == FORCE:
+    elif k == CONTACT_FORCE:
         first = 2 * n
     elif k == OPENING:
         first = GAP
