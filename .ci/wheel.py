@@ -1,12 +1,11 @@
 """Builds the wheel: with the machine code of all kernels if VIBROPLAT_COMPILE is set, so that no run compiles any.
 
-``VIBROPLAT_COMPILE=1 pip wheel --no-deps .`` takes about two minutes and makes a wheel for this version of Python and
+``VIBROPLAT_COMPILE=1 pip wheel --no-deps .`` takes about a minute and makes a wheel for this version of Python and
 this kind of machine (cp311-cp311-linux_x86_64). Without the variable the wheel runs everywhere, and each machine
 compiles what it needs at its first run, so that ``pip install .`` need not wait for kernels that are perhaps never
 called. Editable installs have no machine code: their sources change.
 
 There is no list of kernels: the commands below are run in an empty cache, and what they compile goes into the wheel.
-Where ``NUMBA_CACHE_DIR`` has the kernels in the form that others are compiled with, these are not compiled again.
 """
 
 from __future__ import annotations
@@ -16,61 +15,63 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-#: Files of kernels that are compiled into others.
-INSIDE = "*.inside-*"
-
 SHORT = ("--set", "run.duration_s=0.3")
 SWEEP = ("--set", "sweep.supply_frequency_hz={start: 46.0, stop: 48.0, step: 2.0}", "--set", "sweep.max_settle_s=2.0")
 FEW = ("--set", "basins.initial_conditions={run.initial.phase_difference_rad: [-3.0, 3.0, 4]}")
-#: Commands that compute, of each kind; the second argument is a file in the folder of configurations.
-COMMANDS = (
-    ("run", "quickstart.yaml", "--engine", "native", *SHORT),
-    ("run", "quickstart.yaml", "--engine", "taylor", *SHORT),
-    ("sweep", "quickstart.yaml", "--engine", "native", *SWEEP),
-    ("sweep", "quickstart.yaml", "--engine", "taylor", *SWEEP, "--check"),
-    ("orbits", "examples/branches.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
-    ("orbits", "examples/boundaries-mass.yaml", "--engine", "taylor", "--set", "orbits.stop=46.0"),
-    ("orbits", "examples/branches.yaml", "--engine", "native", "--set", "orbits.stop=42.5"),
-    ("basins", "examples/basins.yaml", "--engine", "native", *FEW),
-    ("basins", "examples/basins.yaml", "--engine", "taylor", *FEW),
-)
+#: Commands that compute, of each kind, for an engine; the second argument is a file in the folder of configurations.
+COMMANDS = {
+    "native": (
+        ("run", "quickstart.yaml", *SHORT),
+        ("sweep", "quickstart.yaml", *SWEEP),
+        ("orbits", "examples/branches.yaml", "--set", "orbits.stop=42.5"),
+        ("basins", "examples/basins.yaml", *FEW),
+    ),
+    "taylor": (
+        ("run", "quickstart.yaml", *SHORT),
+        ("orbits", "examples/branches.yaml", "--set", "orbits.stop=46.0"),
+        ("orbits", "examples/boundaries-mass.yaml", "--set", "orbits.stop=46.0"),
+        ("basins", "examples/basins.yaml", *FEW),
+        ("sweep", "quickstart.yaml", *SWEEP, "--check"),
+    ),
+}
 #: Motions side by side on processors with shorter vectors; those of this machine are computed besides.
 SHORTER = {"VIBROPLAT_LANES": "4"}
 #: What can be computed from Python alone.
 PYTHON = """
 from vibroplat import load_config, lyapunov, simulate, variation
-for engine in ("native", "taylor"):
-    scene = load_config({config!r}, {{"solver.engine": engine, "run.duration_s": 0.3}})
-    run = simulate(scene)
-    run(0.1), run.trajectory, run.section, variation(scene, keys="machine.stiffness_y_n_per_m"), lyapunov(scene)
+scene = load_config({config!r}, {{"solver.engine": {engine!r}, "run.duration_s": 0.3}})
+run = simulate(scene)
+run(0.1), run.trajectory, run.section, variation(scene, keys="machine.stiffness_y_n_per_m"), lyapunov(scene)
 """
 
 
 def compile_all(root: Path, place: Path) -> Path:
     """Run it all, and return the folder with the machine code."""
-    known = os.environ.get("NUMBA_CACHE_DIR")
-    for file in Path(known, "vibroplat").glob(f"kernels-*/{INSIDE}") if known else ():
-        copy = place / "vibroplat" / file.parent.name / file.name
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(file, copy)
     own = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
     environment = own | {"NUMBA_CACHE_DIR": str(place), "NUMBA_DISABLE_INTEL_SVML": "1"}
     configs = root / "configs"
-    lines = [
-        ["-m", "vibroplat", name, str(configs / config), *options, "--out", str(place / f"results-{i}")]
-        for i, (name, config, *options) in enumerate(COMMANDS)
-    ]
-    for line in (*lines, ["-c", PYTHON.format(config=str(configs / "quickstart.yaml"))]):
-        # in this folder Python finds the package here, even if another one is installed
-        for lanes in ({}, SHORTER) if "basins" in line else ({},):
-            kept = environment | lanes
-            subprocess.run([sys.executable, *line], cwd=root, env=kept, check=True, stdout=subprocess.DEVNULL)
-    (made,) = {file.parent for file in (place / "vibroplat").glob("kernels-*/*") if not file.match(INSIDE)}
+
+    def compute(engine: str) -> None:
+        lines = [
+            ["-m", "vibroplat", name, configs / config, *options, "--engine", engine, "--out", place / f"{engine}-{i}"]
+            for i, (name, config, *options) in enumerate(COMMANDS[engine])
+        ]
+        lines.append(["-c", PYTHON.format(engine=engine, config=str(configs / "quickstart.yaml"))])
+        for line in lines:
+            # in this folder Python finds the package here, even if another one is installed
+            for lanes in ({}, SHORTER) if "basins" in line else ({},):
+                kept = environment | lanes
+                subprocess.run([sys.executable, *line], cwd=root, env=kept, check=True, stdout=subprocess.DEVNULL)
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(compute, COMMANDS))
+    (made,) = (place / "vibroplat").glob("kernels-*")
     return made
 
 
@@ -88,8 +89,7 @@ class CustomBuildHook(BuildHookInterface):
         self._folder = tempfile.mkdtemp(prefix="vibroplat-wheel-")
         made = compile_all(Path(self.root), Path(self._folder))
         for file in made.glob("*.bin"):
-            if not file.match(INSIDE):
-                build_data["force_include"][str(file)] = f"vibroplat/kernels/machine_code/{made.name}/{file.name}"
+            build_data["force_include"][str(file)] = f"vibroplat/kernels/machine_code/{made.name}/{file.name}"
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
 

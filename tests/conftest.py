@@ -109,7 +109,7 @@ def saved(runs, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def printed():
-    return load_config(ROOT / "configs/machines/printed.yaml")
+    return load_config(ROOT / "configs/machines/printed.yaml", {"material.mass_ratio": 0.0})
 
 
 @pytest.fixture(scope="session")

@@ -151,6 +151,8 @@ def test_orbits_are_looked_for_after_chaos_too():
     assert last["radius"].notna().all()
     assert tables.starts["turns"].max() == 600, "what comes later is not within these turns"
     assert last["motion"].tolist() == ["periodic"] * len(last)
+    notes = [note for note in tables.answer.notes if note.startswith("fractions are those within 600 turns and may ")]
+    assert len(notes) == tables.attractors["motion"].isin(["chaotic", "undecided"]).any() == 1
 
 
 def test_a_motion_that_ends_early_only_where_it_is_followed_longer_has_a_name():

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import typer
+from common.explicit import explicit
 
 from vibroplat.bench.measure import TimedEngine, cases, of_engine, precision, show_precision, truth
 from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, begin_segment, end_segment
 from vibroplat.hybrid.state import RUNNING, rewind, state_scales
 from vibroplat.integrate.interface import WORK
-from vibroplat.model.accelerations import explicit
 from vibroplat.model.parameters import parameters
 from vibroplat.model.systems import GAP, SYSTEMS, systems
 from vibroplat.results.tables import result_directory

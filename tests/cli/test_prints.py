@@ -11,6 +11,7 @@ from vibroplat import load_config
 from vibroplat.cli.common import print_answer
 from vibroplat.columns import name_regime
 from vibroplat.config.digits import quantity, spread
+from vibroplat.config.engine_choice import engine_note
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, WARNING, by_severity
 from vibroplat.plots.command import FIGURE_NAMES
@@ -101,15 +102,16 @@ def test_notes_take_the_room_that_is_left():
 def test_warnings_are_always_printed():
     """They take the room of other lines, or more than that."""
     warnings = [f"{WARNING}{what} " + "and more words " * 10 for what in ("another machine", "captured")]
-    answer = Answer(headline="what it is", short=["line"] * 10, notes=["by an engine", *warnings, f"{HINT}faster"])
+    notes = [engine_note("taylor"), *warnings, f"{HINT}faster"]
+    answer = Answer(headline="what it is", short=["line"] * 10, notes=notes)
     for room in (3, 8, 11, 20):
         lines = answer.brief(room)
         printed = " ".join(" ".join(lines).split())
-        assert all(warning.strip() in printed for warning in warnings)
+        assert all(kept.strip() in printed for kept in ("computed by engine taylor", *warnings))
         assert lines[0] == "what it is"
         assert len(lines) <= max(room, 7)
-    assert answer.brief(11)[6] == "  … 7 more lines: -v prints them"
-    assert answer.brief(20)[11].startswith("  warning: another machine")
+    assert answer.brief(11)[5] == "  … 7 more lines: -v prints them"
+    assert answer.brief(20)[12].startswith("  warning: another machine")
 
 
 def test_notes_that_put_no_number_in_doubt_come_last():

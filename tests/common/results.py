@@ -15,7 +15,7 @@ FINAL = re.compile(
 #: is made leaves the journal of what was under way; the next command undoes that.
 KEPT = {f"points.{end}" for end in ("sqlite", "sqlite-wal", "sqlite-shm", "sqlite-journal", "lock")} | {"files.lock"}
 #: Tables that are not finished.
-TEMPORARY = re.compile(r"\.[\w-]+-\d+-\w+\.(parquet|csv|json|png)")
+TEMPORARY = re.compile(r"\.[\w-]+-[0-9a-f]{16}\.(parquet|csv|json|png)")
 
 
 def read(path):
@@ -47,7 +47,7 @@ def left(directory):
 
 
 def unproven(directory):
-    """Forget the digests of a result's files, as in results of former versions, so that its tables may be changed."""
+    """Forget the digests of a result's files, so that its tables may be changed."""
     path = directory / "provenance.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), "files": None}))
     return directory

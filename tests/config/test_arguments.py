@@ -42,7 +42,11 @@ def test_the_name_of_a_file_is_no_scene(name):
         (lambda: simulate(SCENE, engine="taylor"), "engine = 'taylor'; allowed: a function"),
         (lambda: check_run(SCENE, other=5), "other = 5; allowed: a function"),
         (lambda: sweep(SCENE, jobs=0), "jobs = 0; allowed: at least 1"),
-        (lambda: sweep(SCENE, job=2), "unknown key job; did you mean jobs? allowed: jobs, scheduler, progress"),
+        (lambda: sweep(SCENE, executor=5), "executor = 5; allowed: an executor of concurrent.futures"),
+        (
+            lambda: sweep(SCENE, job=2),
+            "unknown key job; did you mean jobs? allowed: scene, jobs, scheduler",
+        ),
         (lambda: simulate(SHORT).save(5), "directory = 5; allowed: the name of a file or directory"),
         (lambda: simulate(SHORT).save("x", "foo"), "form = 'foo'; allowed: 'parquet', 'csv'"),
         (lambda: simulate(SHORT).plot("foo"), "kind = 'foo'; allowed: motion, conveying, force, exciters, loads"),

@@ -3,11 +3,18 @@
 Types, ranges and defaults of all keys are in results/configuration.md, which is compared elsewhere.
 """
 
+import ast
+import re
+from pathlib import Path
+
 import pytest
 
+import vibroplat
 from vibroplat import Scene, load_config
 from vibroplat.config.drive import MAX_ENTRIES
+from vibroplat.config.keys import in_lists
 from vibroplat.config.reader import parse_overrides
+from vibroplat.config.schema import nodes
 from vibroplat.errors import ConfigError
 
 SECTIONS = ", ".join(Scene.model_fields)
@@ -48,20 +55,14 @@ MESSAGES = {
         "name: a\nplatform_mass_kg: 12": "unknown key platform_mass_kg in line 2; did you mean "
         f"machine.platform_mass_kg? allowed: {SECTIONS}",
         "# machine:\nname: a\nmachine:": f"machine = None in line 3; allowed: {SECTION}",
-        "name: a\ncalibration: {}": "unknown key calibration in line 2; it was removed: results/README.md describes "
-        "how configs/machines/calibrated.yaml was found",
-        "run: {initial: {phase_sum_rad: 0}}": "unknown key run.initial.phase_sum_rad in line 1; it is now "
-        "run.initial.phase_difference_rad",
-        "orbits: {step: {least: 0}, key: x, start: 0, stop: 1}": "unknown key orbits.step.least in line 1; it was "
-        "removed: a branch ends where steps become smaller than 1e-8 of the range",
     },
     "types": {
         "drive: {supply_frequency_hz: fast}": "drive.supply_frequency_hz = 'fast'; allowed: a number",
         "machine: {platform_mass_kg: 1'168.5}": 'machine.platform_mass_kg = "1\'168.5"; allowed: a number, as 1168.5',
         "name: 12": 'name = 12; allowed: text, as "12" in quotation marks',
         "machine: {platform_mass_kg: 2024-05-03}": "machine.platform_mass_kg = '2024-05-03'; allowed: a number",
-        "find: {from: neighbour, key: x, start: 0, stop: 1, compare: regime}": "find.from = 'neighbour'; it is now "
-        "previous; allowed: 'initial' or 'previous'",
+        "find: {from: neighbour, key: x, start: 0, stop: 1, compare: regime}": "find.from = 'neighbour'; "
+        "allowed: 'initial' or 'previous'",
         f"contact: {{restitution: {'x' * 5000}}}": f"contact.restitution = '{'x' * 56}...; allowed: a number",
         "motor: {pole_pairs: 2.5}": "motor.pole_pairs = 2.5; allowed: a whole number",
         "material: {layers: true}": "material.layers = True; allowed: 1 or 2",
@@ -260,3 +261,22 @@ def test_messages_about_settings(scene_of, complaint):
     assert told == [line for _, _, line in SETTINGS]
     line = "c.yaml: drive.supply_frequency_hz lies inside drive, which already has a value"
     assert complaint("", {"drive": 3, "drive.supply_frequency_hz": 50.0}) == line
+
+
+def texts():
+    """All texts of the package but docstrings."""
+    for path in Path(vibroplat.__file__).parent.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        docstrings = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in docstrings:
+                yield node.value
+
+
+def test_keys_that_are_named_anywhere_exist():
+    known = set(nodes(Scene))
+    sections = "|".join({name.partition(".")[0] for name in known if "." in name})
+    named = re.findall(rf"(?<![\w./-])(?:{sections})\.[a-z]\w*(?:\.\w+)*", "\n".join(texts()))
+    assert len(set(named)) > 60
+    unknown = {name for name in named if in_lists(name.split(".")) not in known}
+    assert unknown == {"machine.gif", "orbits.json"}

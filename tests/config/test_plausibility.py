@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART
 
 from vibroplat import Machine, Scene, load_config
-from vibroplat.config.plausibility import HINT, WARNING, notes_on_input, notes_on_inputs, notes_on_plan
+from vibroplat.config.plausibility import HINT, WARNING, notes_on_input, notes_on_inputs, notes_on_plan, set_in_vain
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -46,7 +46,9 @@ UNUSUAL = [
         {"contact": {"model": "non-impact", "viscous_per_mass_per_s": 3e3}},
         [
             "machine.damping_y_n_s_per_m = 40, contact.viscous_per_mass_per_s = 3000: damping ratio 1.56 in y; "
-            "usual: up to 1"
+            "usual: up to 1",
+            f"{HINT}no effect of contact.restitution_threshold_m_per_s, material.damping_ratio, "
+            "material.natural_frequency_hz: contact.model is non-impact",
         ],
     ),
     (
@@ -239,3 +241,42 @@ def test_keys_that_a_study_does_not_read_are_told():
     ]
     loaded = orbits | {"grid": {"material.mass_ratio": [0.0, 0.2]}}
     assert notes_on_plan(Scene(orbits=loaded, sweep=plan), "orbits") == []
+
+
+def test_keys_that_are_given_in_vain_are_told():
+    two = {"mass_ratio": 0.2, "natural_frequency_hz": 22.0}
+    bare = "there is no material, as material.mass_ratio is 0"
+    for given, told in (
+        ({"run": {"seed": 3, "perturbation": 0.0}}, ["run.seed: nothing is random, as nothing disturbs the start"]),
+        ({"run": {"seed": 3}}, []),
+        (
+            {"material": {"natural_frequency_hz": 22.0}, "contact": {"restitution": 0.3}},
+            [f"contact.restitution, material.natural_frequency_hz: {bare}"],
+        ),
+        ({"material": {"mass_ratio": 0.0, "natural_frequency_hz": 22.0}}, []),
+        ({"material": two, "contact": {"restitution": 0.3}}, []),
+        ({"material": two | {"layers": 1}}, ["material.natural_frequency_hz: material.layers is 1"]),
+        (
+            {"material": two, "contact": {"added_mass_share": 0.2}},
+            ["contact.added_mass_share: contact.model is impact"],
+        ),
+        (
+            {"material": {"mass_ratio": 0.2, "layers": 1}, "contact": {"model": "non-impact", "restitution": 0.3}},
+            ["contact.restitution, material.layers: contact.model is non-impact"],
+        ),
+    ):
+        notes = notes_on_input(Scene().replace(given))
+        begin = HINT if any("layers is" in text or "model is" in text for text in told) else WARNING
+        assert [note for note in notes if "no effect" in note] == [f"{begin}no effect of {text}" for text in told]
+
+
+def test_keys_that_a_command_does_not_read_are_told():
+    keys = ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "run.seed", "output.points", "basins.seed"]
+    told = {
+        "run": ["sweep.seed", "basins.seed"],
+        "sweep": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
+        "find": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
+        "basins": ["run.duration_s", "output.sample_rate_hz", "sweep.seed"],
+    }
+    for command, vain in told.items():
+        assert set_in_vain(keys, command) == [f"{WARNING}no effect of {key} on {command}" for key in vain]

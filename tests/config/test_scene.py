@@ -197,6 +197,7 @@ def test_schema_refuses_other_keys_and_says_what_is_allowed():
     for pattern in patterns:
         assert re.compile(json.loads(f'"{pattern}"')), "classes of letters are not known everywhere"
     assert [s for s in (schema, *schema["$defs"].values()) if s["additionalProperties"]] == []
+    assert schema["$defs"]["Output"]["properties"]["points"]["additionalProperties"] is False
     restitution = schema["$defs"]["Contact"]["properties"]["restitution"]
     assert restitution | {"default": 0.0, "minimum": 0.0, "maximum": 1.0, "type": "number"} == restitution
     assert schema["$defs"]["Contact"]["properties"]["model"]["enum"] == ["impact", "non-impact"]

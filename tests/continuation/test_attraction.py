@@ -77,12 +77,3 @@ def test_a_distance_that_is_no_number_is_not_nearer(flying, monkeypatch):
     monkeypatch.setattr(around, "norm", np.full_like(around.norm, np.nan))
     assert not around.contracts_on_shells(shooter, 1e-3)
     assert not around.contracts_along_trajectory(shooter, moved(around, 1e-3))
-
-
-def test_sides_of_an_orbit(flying):
-    """Both, or one where motion goes from side to side."""
-    around, _ = flying
-    away = [(side - around.state)[around._places] / around._scales for side in around.sides(1e-3)]
-    assert all(np.abs(way).max() == pytest.approx(1e-3) for way in away)
-    assert len(away) == (1 if around._alternates else 2)
-    assert np.abs(sum(away)).max() < 1e-9 or len(away) == 1

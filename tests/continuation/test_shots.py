@@ -4,6 +4,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from common.explicit import explicit
 
 from continuation.helpers import MACHINE, MASS
 from vibroplat import load_config
@@ -11,7 +12,6 @@ from vibroplat.continuation.first_orbit import first_orbit
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, fixed_border
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import initial_state
-from vibroplat.model.accelerations import explicit
 from vibroplat.motion.recorder import Recorder
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation

@@ -1,6 +1,7 @@
 """No room, no permission, no directory: one line, nothing half-written, and what was finished before is kept."""
 
 import contextlib
+import gc
 import resource
 import shutil
 import signal
@@ -40,6 +41,19 @@ def test_earlier_run_is_kept_where_there_is_no_room(text, size, file, here):
     assert not_a_line(done, codes=FAILED) == ""
     assert f"{file} cannot be written: File too large" in done.err
     assert {path.name: path.read_bytes() for path in (here / "results/c/run").iterdir()} == before
+
+
+@pytest.mark.long
+def test_a_workbook_for_which_there_is_no_room_is_told_in_a_line(here):
+    pytest.importorskip("openpyxl")
+    (here / "c.yaml").write_text(RUN)
+    assert command("run", "c.yaml").code == 0
+    before = {path.name for path in (here / "results/c/run").iterdir()}
+    with largest_file(5000):
+        done = command("export", "results/c", "--format", "xlsx")
+    gc.collect()  # what openpyxl left would complain now
+    assert not_a_line(done, codes=FAILED) == ""
+    assert {path.name for path in (here / "results/c/run").iterdir()} == before
 
 
 def test_directory_that_is_removed_in_the_middle_is_told_in_a_line(here, monkeypatch):

@@ -16,8 +16,13 @@ SWEEP = f"extends: {LOADED}\nname: c\nrun: {{duration_s: 0.1}}\n"
 SWEEP += "sweep: {supply_frequency_hz: {start: 50.0, stop: 50.5}}\n"
 
 #: Contents of provenance.json that no other version than this one can make sense of; without "schema" none is kept.
-SCHEMAS = [*({"schema": value} for value in (0, SCHEMA + 1, "1", None, True, 1.0, [1])), {}, [1], 1]
-GARBAGE = [b"", bytes(1000), bytes(range(256)), b'{"schema": 1, "vibro', b"[" * 100_000]
+SCHEMAS = [
+    *({"schema": value} for value in (0, SCHEMA - 1, SCHEMA + 1, "1", None, True, float(SCHEMA), [1])),
+    {},
+    [1],
+    1,
+]
+GARBAGE = [b"", bytes(1000), bytes(range(256)), b'{"schema": 4, "vibro', b"[" * 100_000]
 GARBAGE += [b'{"schema": 1' + b"0" * 5000 + b"}", b'{"schema": "\\ud800"}']
 
 

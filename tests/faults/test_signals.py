@@ -11,6 +11,8 @@ from common.commands import Child, command, ended, not_a_line, sending, until
 from common.places import SWEPT
 from common.results import bits, finished_points, left
 
+from vibroplat.results.tables import LEFTOVER_AGE_S
+
 pytestmark = pytest.mark.usefixtures("kernels")
 
 #: Longest time from Ctrl-C to the end (s), on a busy machine too.
@@ -151,7 +153,7 @@ def test_ctrl_c_in_a_long_run(place):
 @pytest.mark.faults
 @pytest.mark.parametrize("signal_", [signal.SIGINT, signal.SIGKILL])
 def test_run_ended_while_its_table_grows_leaves_the_old_result(signal_, place):
-    """A process that is killed leaves its part of a table behind; the next run removes it."""
+    """A process that is killed leaves its part of a table behind; the next run removes it once it is a day old."""
     assert command(*RUN).code == 0
     wanted = tables(place / "results/c/run")[0]
     before = at_file(signal_, "vibroplat.results.tables._append_lines", 3)
@@ -160,6 +162,8 @@ def test_run_ended_while_its_table_grows_leaves_the_old_result(signal_, place):
     found, temporaries = tables(place / "results/c/run")
     assert found == wanted
     assert [name.partition("-")[0] for name in temporaries] == [".trajectory"] * (signal_ == signal.SIGKILL)
+    for name in temporaries:
+        os.utime(place / "results/c/run" / name, (time.time() - 1.1 * LEFTOVER_AGE_S,) * 2)
     assert command(*RUN).code == 0
     assert tables(place / "results/c/run") == (wanted, [])
 

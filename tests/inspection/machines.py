@@ -79,6 +79,5 @@ def settled(scene, turns=4000):
         "max_settle_s": turns * turn,
         "measure_s": 60 * turn,
         "lyapunov": False,
-        "find_coexisting": False,
     }
     return measure_point(scene, SweepPlan.model_validate(plan), None, (0,)).row

@@ -1,11 +1,11 @@
 """scipy's DOP853 behind the interface: all that a one-step method needs."""
 
 import numpy as np
+from common.explicit import explicit
 from scipy.integrate import DOP853
 
 from integrate.stepwise import IntegrationError
 from vibroplat.integrate.interface import WORK
-from vibroplat.model.accelerations import explicit
 
 #: Powers of s in the terms of its dense output: s, s(1 − s), s²(1 − s), … s⁴(1 − s)³.
 POWERS = np.zeros((8, 7))

@@ -13,7 +13,7 @@ from vibroplat.config.engines import ENGINES
 from vibroplat.errors import ConfigError
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
 from vibroplat.hybrid.modes import GUARDS
-from vibroplat.hybrid.resets import cut_piece
+from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, rewind
 from vibroplat.kernels.compiled import NOWHERE, Callee
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, stretch, values

@@ -7,21 +7,24 @@ import pytest
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, automaton
-from vibroplat.hybrid.modes import ATTACHED
+from vibroplat.hybrid.modes import ATTACHED, BARE
 from vibroplat.hybrid.state import CUBIC, empty_steps
 from vibroplat.integrate.multistep import begin_steps, empty_step, estimate_flight, limit_force_slopes, transcribe
 from vibroplat.model.parameters import parameters
 
-#: Unknowns of a step that are none of its own, as many as the exciters' angle 1 asks for.
-OTHERS = 4
+#: A layer in contact, whose guard is F_c, and unknowns before that.
+ONE_LAYER = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})
+OTHERS = 10
 
 
-def added(t, y, yp, guard=-1, at_guard=False, target=math.nan):
+def added(t, y, yp, at_guard=False, target=math.nan, scene=ONE_LAYER):
     """Steps through ends with unknowns y, shape (m, n), and derivatives, and why they stopped."""
     t, y, yp = (np.asarray(a, dtype=float) for a in (t, y, yp))
     steps, past = empty_steps(len(t) + 2, CUBIC), empty_step()
     begin_steps(past, y[0], yp[0])
-    return steps, transcribe(steps, past, t[1:], y[1:], yp[1:], guard, at_guard, target, None)
+    h = automaton(scene, parameters(scene), steps, 10)
+    h.run["mode"] = ATTACHED if scene.has_contact else BARE
+    return steps, transcribe(h, past, t[1:], y[1:], yp[1:], at_guard, target)
 
 
 def columns(*unknowns):
@@ -34,7 +37,7 @@ def transcribed(g, rates, at_guard=False, target=math.nan, phi1=None):
     y, yp = columns(np.array(g)), columns(np.array(rates))
     if phi1 is not None:
         y[:, 3], yp[:, 3] = phi1, np.gradient(phi1)
-    steps, stop = added(np.arange(len(g)), y, yp, guard=OTHERS, at_guard=at_guard, target=target)
+    steps, stop = added(np.arange(len(g)), y, yp, at_guard=at_guard, target=target)
     rows = int(steps.used["steps"])
     return stop, steps.start[:rows] + steps.length[:rows], steps.ends[:rows]
 
@@ -68,16 +71,13 @@ def test_the_first_of_a_fall_and_an_angle_ends_the_steps(target, expected, end):
     assert stop == AT_GUARD or ends[-1, 3] == target
 
 
-ONE_LAYER = Scene().replace({"material": {"mass_ratio": 0.1, "layers": 1}})
-
-
 def calmed(forces, given_slopes):
     """Slopes of F_c at the ends of steps of 1, of all steps' both sides, after they have been limited."""
     count = len(forces)
     y, yp = np.zeros((2, count, 11))
     y[:, 0], yp[:, 0] = 7.0, 50.0
     y[:, 10], yp[:, 10] = forces, given_slopes
-    steps, _ = added(np.arange(count), y, yp)
+    steps, _ = added(np.arange(count), y, yp, scene=Scene())  # which has no guard
     h = automaton(ONE_LAYER, parameters(ONE_LAYER), steps, 100.0)
     h.run["mode"] = ATTACHED
     before = steps.c[:, :, :10].copy()

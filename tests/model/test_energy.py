@@ -9,6 +9,8 @@ from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies, exciter_
 from vibroplat.model.impact import kinetic_change
 from vibroplat.model.motor import motor_torques
 from vibroplat.model.parameters import parameters
+from vibroplat.model.springs import curved_means, foundation_forces, slopes
+from vibroplat.observe.loads import add_forces
 
 from .helpers import (
     EACH_PAIR,
@@ -46,10 +48,29 @@ def exciters(state, p, out):
         store(both, out, i, 0)
 
 
+@compiled
+def curve(samples, out, p):
+    curved_means(samples, np.ones(1), 1, 4, out, p)
+
+
+@compiled
+def load(sums, means, p):
+    stiffness, damping = slopes(p)
+    add_forces(sums, means, np.array([stiffness, (damping[0], p.suspension_damping_y, damping[2], 0.0, 0.0)]), 7, 1.0)
+
+
+def means_of(state, p):
+    """Return means over no time."""
+    means = np.zeros((5, 16))
+    means[:3, :14], means[3, :4] = (state, state**2, abs(state)), state[:4] * state[7:11]
+    curve(np.array([state, state]), means[4], p)
+    return means
+
+
 def powers_of(state, p):
     out, each = np.empty(FORCE_SIZE + 1), np.empty((3, 2))
     exciters(state, p, each)
-    powers(tuple(each.sum(axis=1)), np.array([state, state**2, abs(state)]), 7, 4, out, p)
+    powers(tuple(each.sum(axis=1)), means_of(state, p), 7, 4, out, p)
     return dict(zip(POWERS, out, strict=False)), out[FORCE], out[FORCE_SIZE]
 
 
@@ -75,6 +96,19 @@ def test_energy_and_momentum_change_by_powers_and_forces_alone(system, machine):
     # a projection of the axis may be small by chance, in the median it is not; nothing is truncated without rotation
     assert np.median(shares[4:8]) > 1e-4
     assert shares[8:] == [0.0, 0.0]
+
+
+def check_foundation(p):
+    """Sums of the forces into the foundation, and of their squares, are those of the forces themselves."""
+    for state in random_states(seed=3, count=4):
+        sums, force = np.zeros(6), np.array(foundation_forces(*state[:2], *state[7:9], p))
+        load(sums, means_of(state, p), p)
+        assert sums[:2] == pytest.approx(force, rel=1e-12)
+        assert sums[3:5] == pytest.approx(force**2, rel=1e-12)
+
+
+def test_loads_of_the_foundation_are_the_forces_that_are_shown():
+    check_foundation(parameters(scene_of(2, model="non-impact", viscous_per_mass_per_s=70.0)))
 
 
 @pytest.mark.parametrize(("machine", "layers"), list(zip(SETUPS, (0, 1, 2, 2, 2), strict=True)))

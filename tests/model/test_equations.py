@@ -5,15 +5,18 @@ from functools import cache
 import numpy as np
 import pytest
 
+from vibroplat.model.graph import local, parameter, scalar, symbol
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
+from vibroplat.model.source import P, motor, resistance
+from vibroplat.model.straight import PLACES, of_one, traced
 
 from .helpers import EACH_PAIR, RECORDS, TIME, random_states, record_of, scene_of, settled, torque_by_quotient
 
 
 @cache
-def lagrange():
-    """Return a function of (coordinates, rates, constants, torques) that gives mass matrix and forces.
+def derived():
+    """Derive the equations: (coordinates, rates, constants, torques, transport), mass matrix and forces.
 
     The rotation is exact all through the derivation and the axis is truncated only in the equations of
     motion, as the paper does: truncated in the energy already, J would grow with φ² and products of
@@ -22,12 +25,14 @@ def lagrange():
     import sympy as sp
 
     # in the order of the full state; gap and upper are y_w1 and y_w2; axes from the platform's own centre
-    coordinates = x, y, phi, phi1, phi2, gap, upper = sp.symbols("x y phi phi1 phi2 gap upper", real=True)
-    rates = vx, vy, vphi, w1, w2, _, vupper = sp.symbols("vx vy vphi w1 w2 vgap vupper", real=True)
+    coordinates = x, y, phi, phi1, phi2, gap, upper, along = sp.symbols("x y phi phi1 phi2 gap upper along", real=True)
+    rates = vx, vy, vphi, w1, w2, _, vupper, _ = sp.symbols("vx vy vphi w1 w2 vgap vupper valong", real=True)
     exciters = m_r1, m_r2, r_1, r_2, j_1, j_2, x_1, y_1, x_2, y_2 = sp.symbols("m_r1 m_r2 r_1 r_2 J1 J2 X1 Y1 X2 Y2")
     common = sp.symbols("m_0 J_0 c_x c_y c_phi b_x b_y b_phi g m_w1 m_w2 c_w b_w")
     m_0, j_0, c_x, c_y, c_phi, b_x, b_y, b_phi, g, m_w1, m_w2, c_w, b_w = common
     torques = sp.symbols("torque1 torque2")
+    # gravity along the deck, height of the deck, and mass of the material where it moves along that
+    transport = slope, height, moving = sp.symbols("g_x h m_w")
     # where the masses sit in the platform, the unbalances lumped at their axes; O is the centre of mass of these three
     masses = (m_0, m_r1, m_r2)
     places = [sp.Matrix([0, 0]), sp.Matrix([x_1, y_1]), sp.Matrix([x_2, y_2])]
@@ -47,12 +52,15 @@ def lagrange():
     for mass, position in bodies:
         velocity = position.jacobian(q) * v
         kinetic += mass * velocity.dot(velocity) / 2
-        potential += mass * g * position[1]
+        potential += mass * (g * position[1] - slope * position[0])
+    over_ground = vx - height * vphi + rates[7]
+    kinetic += moving * over_ground**2 / 2
+    potential -= moving * slope * (x - height * phi + along)
     momenta = sp.Matrix([kinetic]).jacobian(v).T
     matrix = momenta.jacobian(v)
     forces = sp.Matrix([kinetic - potential]).jacobian(q).T - momenta.jacobian(q) * v
     forces -= sp.Matrix([dissipation]).jacobian(v).T
-    forces += sp.Matrix([0, 0, 0, *torques, 0, 0])
+    forces += sp.Matrix([0, 0, 0, *torques, 0, 0, 0])
 
     def to_first_order(expression):
         """Put the axis turned to first order, (X₀ − φY₀, Y₀ + φX₀), into an equation of motion."""
@@ -61,8 +69,19 @@ def lagrange():
         assert sp.Poly(expanded, sp.sin(phi), sp.cos(phi)).total_degree() <= 1
         return expanded.subs({sp.sin(phi): phi, sp.cos(phi): 1})
 
-    result = (matrix.applyfunc(to_first_order), forces.applyfunc(to_first_order))
-    return sp.lambdify((coordinates, rates, (*common, *exciters), torques), result, modules="numpy", cse=True)
+    given = coordinates, rates, (*common, *exciters), torques, transport
+    return given, matrix.applyfunc(to_first_order), forces.applyfunc(to_first_order)
+
+
+@cache
+def lagrange():
+    """Return a function of (coordinates, rates, constants, torques), without transport: mass matrix and forces."""
+    import sympy as sp
+
+    (coordinates, rates, constants, torques, transport), matrix, forces = derived()
+    plain = dict.fromkeys(transport, 0)
+    result = (matrix[:7, :7].subs(plain), forces[:7, :].subs(plain))
+    return sp.lambdify((coordinates[:7], rates[:7], constants, torques), result, modules="numpy", cse=True)
 
 
 #: The generalized force of F_c = 1: +1 on the lower layer's y + y_w1, −1 on the platform's y.
@@ -160,6 +179,88 @@ def test_response_to_an_impulse_is_that_of_the_derived_mass_matrix(machine):
     assert np.diag(mass)[:5] == pytest.approx(listed, rel=1e-14)
     # with φ₁ = φ₂ = 0 each unbalance lies beside its axis, and couples with y by its static moment
     assert mass[1, 3:5] == pytest.approx(scene.unbalances, rel=1e-14)
+
+
+def as_sympy(n, known):
+    """Return a node of the graph as an expression; ``known`` are nodes that have one."""
+    import sympy as sp
+
+    if n in known:
+        return known[n]
+    parts = [as_sympy(x, known) for x in n.parts]
+    if n.op == "number":
+        return sp.nsimplify(n.args[0])
+    if n.op in ("symbol", "parameter", "local"):
+        raise AssertionError(f"{n.args[0]} is not in the derivation")
+    return {
+        "sum": lambda a, b: a + b,
+        "difference": lambda a, b: a - b,
+        "product": lambda a, b: a * b,
+        "negative": lambda a: -a,
+        "inverse": lambda a: 1 / a,
+        "sine": sp.sin,
+        "cosine": sp.cos,
+        "sense": sp.sign,
+    }[n.op](*parts)
+
+
+def test_the_source_states_lagranges_equations():
+    """All rows, symbol by symbol, with transport; exact to first order in φ, as the axes are."""
+    import sympy as sp
+
+    (q, v, constants, torques, (slope, height, moving)), matrix, forces = derived()
+    m_0, j_0, c_x, c_y, c_phi, b_x, b_y, b_phi, g, m_w1, m_w2, c_w, b_w = constants[:13]
+    masses, radii, rotors, axes = constants[13:15], constants[15:17], constants[17:19], constants[19:]
+    mass, a, (contact, friction) = m_0 + sum(masses), sp.symbols("a:8", real=True), sp.symbols("F_c F_t")
+    decks = sp.symbols("delta1 delta2")
+    centre = [sum(m * axes[2 * i + k] for i, m in enumerate(masses)) / mass for k in (0, 1)]
+    arms = [[axes[2 * i + k] - centre[k] for k in (0, 1)] for i in (0, 1)]
+    inertia = (
+        j_0 + m_0 * sum(c**2 for c in centre) + sum(m * (x**2 + y**2) for m, (x, y) in zip(masses, arms, strict=True))
+    )
+    fields = {"mass": mass, "inertia": inertia, "gravity": g, "slope": slope, "deck_height": height}
+    fields |= {"material_mass": moving, "stiffness_x": c_x, "stiffness_y": c_y, "stiffness_phi": c_phi}
+    fields |= {"damping_x": b_x, "damping_y": b_y, "damping_phi": b_phi, "lower_mass": m_w1, "upper_mass": m_w2}
+    fields |= {"layer_stiffness": c_w / m_w2, "layer_damping": b_w / m_w2}
+    known = {parameter(name): value for name, value in fields.items()} | {symbol("force"): contact}
+    known[symbol("friction")] = friction
+    for letter, values in (("q", q), ("v", v), ("a", a)):
+        known |= {symbol(f"{letter}_{name}"): value for name, value in zip(PLACES, values, strict=True)}
+    rows, found = traced()
+    net = motor(found["v_angle"], P) - resistance(found["v_angle"], P)
+    for i in (0, 1):
+        pair = {"unbalance": masses[i] * radii[i], "exciter_inertia": rotors[i] + masses[i] * radii[i] ** 2}
+        pair |= {"axis_x": arms[i][0], "axis_y": arms[i][1], "deck": decks[i]}
+        known |= {parameter(f"{name}[{i}]"): value for name, value in pair.items()} | {scalar(net, i): torques[i]}
+    row = {name: as_sympy(n, known) for name, n in of_one(rows).items() if name != "law"}
+    # from rows of each body to those of coordinates, which move all that is carried along
+    row["upper"] *= m_w2
+    row["gap"] += row["upper"]
+    row["y"] += row["gap"]
+    row["x"] += row["along"]
+    row["phi"] -= height * row["along"]
+    reaction = sum(deck * torque for deck, torque in zip(decks, torques, strict=True))
+    others = sp.Matrix([0, 0, -reaction, 0, 0, contact, 0, friction])
+    for name, expected in zip(PLACES, matrix * sp.Matrix(a) - forces - others, strict=True):
+        difference = sp.expand(row[name] - expected).subs(
+            {sp.cos(angle) ** 2: 1 - sp.sin(angle) ** 2 for angle in q[3:5]}
+        )
+        assert sp.cancel(sp.expand(difference)) == 0, name
+
+
+def test_torques_in_the_source_are_those_of_kloss_and_of_bearings():
+    import sympy as sp
+
+    speed, w_0, direction, critical, torque, friction = sp.symbols("w w_0 sigma Delta M_c k", real=True)
+    fields = {"speed": w_0, "speed_ramp": 0, "direction": direction, "slip_speed": critical, "slip_ramp": 0}
+    fields |= {"torque": torque, "friction": friction}
+    known = {parameter(f"{name}[0]"): value for name, value in fields.items()}
+    known |= {symbol("w_0"): speed, local("elapsed"): 0}
+    slip = w_0 - direction * speed
+    given = symbol("w", pair=True)
+    expected = direction * 2 * torque / (slip / critical + critical / slip)
+    assert sp.simplify(as_sympy(scalar(motor(given, P)), known) - expected) == 0
+    assert sp.simplify(as_sympy(scalar(resistance(given, P)), known) - friction * speed * sp.Abs(speed)) == 0
 
 
 def test_non_impact_model_is_a_bare_platform_with_friction_and_mass_added():

@@ -50,21 +50,17 @@ ADDED = {
         "    return torque": [
             "    torque = torque + p.direction * (p.bend * slip) / (critical * critical + 4.0 * slip * slip)",
         ],
-        "    return Rows(": [
-            "    pressed = pressed - p.gap_damping * v.gap",
+        "    return Holds(": [
+            "    hold_gap = hold_gap + p.gap_damping * v.gap",
             "    hold_y = hold_y + p.cubic * (q.y * q.y * q.y)",
         ],
-        "    return 0.5 * (platform": ["    platform = platform + 0.5 * p.cubic * (q.y * q.y) * (q.y * q.y)"],
-    },
-    "vibroplat/model/springs.py": {
-        '    "damping_layers": (4': ['    "damping_gap": (3, "drag between platform and lower layer"),'],
     },
 }
 #: Pages that a command writes.
 PAGES = {"configuration": ("schema", "--markdown"), "columns": ("columns",)}
 
 #: Files to touch, at most.
-FILES = 7
+FILES = 6
 
 
 def line_of(copy, *arguments):
@@ -184,16 +180,18 @@ def check_equations():
         test_jacobians.test_linearized_accelerations_are_those_of_the_state(system, machine)
         test_series.test_series_is_the_motion(system, machine)
         check_energy(system, p)
+        test_energy.check_foundation(p)
 
 
 def check_energy(system, p):
-    """Energies change by powers alone; of forces into the foundation the audit knows the linear ones."""
+    """Energies change by powers alone, momentum by forces."""
     for state in test_energy.states_of(system, seed=7):
-        rates, (power, _, _) = test_energy.rates_of(system, state, p), test_energy.powers_of(state, p)
+        rates, (power, force, size) = test_energy.rates_of(system, state, p), test_energy.powers_of(state, p)
         losses = sum(value for name, value in power.items() if name.startswith(("damping", "resistance")))
         energies = rates[: test_energy.MOMENTUM]
         unexplained = energies.sum() - (power["motor"] + power["truncation"] - losses)
         assert abs(unexplained) < 1e-8 * np.max(np.abs([*energies, *power.values()]))
+        assert rates[test_energy.MOMENTUM] == pytest.approx(force, abs=1e-7 * max(size, abs(state[10:12]).max()))
 
 
 def check_motions():
@@ -207,6 +205,7 @@ def check_motions():
     for run in runs:
         assert run.summary["flight_fraction"] > 0.1
         assert run.summary["energy_residual"] < 1e-6
+        assert run.summary["momentum_residual"] < 1e-6
         assert run.summary["damping_gap_work_j"] > 1e-3 * run.summary["motor_work_j"]
 
 

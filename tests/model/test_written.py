@@ -45,7 +45,7 @@ def series(system, y, p):
     full = np.append(system.full(y), [0.0, 0.0])
     motion["t"], motion["y"][:7, 0], motion["v"][:7, 0] = TIME, full[:7], full[7:14]
     motion["y"][ALONG, 0], motion["v"][ALONG, 0] = full[14:16]
-    motion["attached"], motion["two"] = system.algebraic and not system.slides, system.layers == 2
+    motion["attached"], motion["two"] = system.algebraic, system.layers == 2
     motion["flying"] = system.layers > 0 and not system.algebraic
     motion["lower_share"] = 1.0 / p["lower_mass"] if system.layers else 0.0
     sense = {"slip+": 1.0, "slip-": -1.0, "slip−": -1.0}.get(system.mode.label, 0.0)

@@ -14,6 +14,7 @@ from vibroplat.columns import PHASE_COLUMN
 from vibroplat.page.results import differences
 from vibroplat.plots.axes import name_axis
 from vibroplat.plots.measured import Measured
+from vibroplat.plots.style import save, styled
 from vibroplat.results.content import measures
 from vibroplat.results.labels import (
     MOST,
@@ -163,3 +164,13 @@ def test_a_measure_of_one_point_is_told_and_has_no_panel():
     panels, told = measures(table)
     assert ([panel.column for panel in panels], told) == (["rms_y_m"], "not drawn: Lyapunov 0.520 1/s at one point")
     assert [panel.column for panel in measures(table.iloc[1:2])[0]] == ["rms_y_m", "lyapunov_per_s"]
+
+
+def test_letters_that_the_font_lacks_are_no_warning(tmp_path, caplog):
+    with styled():
+        figure = Figure(layout="constrained")
+        figure.suptitle("篩")
+        figure.subplots().set_title(r"$\mathrm{篩}$")
+        save(figure, tmp_path, "sieve")
+    assert caplog.messages == []
+    assert (tmp_path / "sieve.png").stat().st_size > 0

@@ -33,7 +33,7 @@ def test_modes_change_at_events_and_material_goes_from_the_begin_on(feeder):
 
 def test_a_sweep_tells_and_draws_the_conveying_speed():
     over = {"sweep.over": {"key": "transport.friction", "start": 0.2, "stop": 0.4, "count": 2}}
-    short = {"sweep.max_settle_s": 1.0, "sweep.measure_s": 0.4, "sweep.lyapunov": False, "sweep.find_coexisting": False}
+    short = {"sweep.max_settle_s": 1.0, "sweep.measure_s": 0.4, "sweep.lyapunov": False}
     found = sweep(load_config(ROOT / "configs/examples/conveying.yaml", over | short), jobs=1)
     slowest, fastest = found.table("sweep")["conveying_speed_m_per_s"].agg(["min", "max"])
     assert interval(slowest, fastest, "m/s") in str(found)

@@ -150,12 +150,12 @@ def test_a_response_shows_any_measure(write):
 
 MISTAKES = [
     ({"kinds": ["map"], "measure": ["sync"]}, "the sweep table in DIR has no numbers in column sync"),
-    ({"kinds": ["map"], "measure": ["rms"]}, "the sweep table in DIR has no numbers in column rms"),
+    ({"kinds": ["map"], "measure": ["rms"]}, "the sweep table in DIR has no column rms"),
     (
         {"kinds": ["bifurcation"], "measure": ["rms_y_m"]},
         "--measure rms_y_m: bifurcation does not show it; allowed: response, map",
     ),
-    ({"x": "supply"}, "the sweep table in DIR has no numbers in column supply_frequency_hz"),
+    ({"x": "supply"}, "the sweep table in DIR has no column supply_frequency_hz"),
 ]
 
 

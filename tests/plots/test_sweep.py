@@ -41,7 +41,7 @@ def known(values):
 def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
     frequencies = "{start: 44, stop: 62, step: 18, direction: up}"
     plan = f"{{supply_frequency_hz: {frequencies}, kind: bifurcation, lyapunov: false, measure_s: 0.2, "
-    plan += "max_settle_s: 2, find_coexisting: false}"
+    plan += "max_settle_s: 2}"
     done = command("sweep", QUICKSTART, "--set", f"sweep={plan}", "--set", "name=swept")
     assert (done.code, done.err) == (0, "")
     before = dict(mpl.rcParams)

@@ -42,8 +42,5 @@ class Calls:
     def done(self):
         return len(self.results) == len(self.calls)
 
-    def take_pending(self):
-        return [] if self.done else [self]
-
     def accept(self, result):
         self.results.append(result)

@@ -17,7 +17,6 @@ def told(*parts, **columns):
         "period": 1,
         "relative_rotation": "counter-rotating",
         "motor_power_w": 5.0,
-        "coexisting": "",
     }
     table = table.assign(**{name: value for name, value in usual.items() if name not in table})
     headline, lines = short_answer(table, bands(table))
@@ -96,12 +95,11 @@ def test_intermediate_phases_on_both_sides_are_two_intervals():
     ]
 
 
-def test_failed_points_chaos_and_coexisting_attractors_are_counted():
+def test_failed_points_and_chaos_are_counted():
     columns = {"outcome": after(19, "ok", "too-many-events"), "motion": after(18, "periodic", "chaotic")}
-    headline, lines = told(**columns, coexisting=after(18, "", "antiphase, period 1"))
+    headline, lines = told(**columns)
     assert headline == "2 of 21 points FAILED (too-many-events), f_e 42 … 52 Hz in steps of 0.5, up"
     assert lines[0] == "1 chaotic, the others repeat every turn"
-    assert lines[-1] == "at 1 point other attractors coexist: column coexisting"
     lost = {"outcome": "too-many-events", "rms_y_m": np.nan, "rms_x_m": np.nan, "excitation_frequency_hz": np.nan}
     headline, lines = told(**lost, sync=None)
     assert headline == "21 of 21 points FAILED (too-many-events), f_e 42 … 52 Hz in steps of 0.5, up"

@@ -10,7 +10,7 @@ from common.places import LOADED
 from vibroplat.config.circular import shown_angle
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.observe import measures as m
-from vibroplat.observe.section import period
+from vibroplat.observe.section import latest_repetition, period
 from vibroplat.report.summary import batch_means_error, block_errors, largest_values, measure
 from vibroplat.study.classification import COMPARED_MEASURES, MotionClass, changed_measure, classify, rare_events
 from vibroplat.study.lyapunov import Exponent, _estimate
@@ -208,6 +208,13 @@ KINDS = {
 def test_kind_of_a_section(name, kind_of):
     for points, settling, exponent, options, expected in KINDS[name]:
         assert kind_of(points, settling, exponent, **options) == expected
+
+
+def test_a_run_tells_periods_as_a_sweep_does():
+    for points, turns in ((repeating(1), 1), (repeating(6), 6), (converging(), 6), (noise(), 0)):
+        assert latest_repetition(points) == (turns, 0, 0.0)
+    found = latest_repetition(hardly_doubled())
+    assert (found.turns, found.note) == (1, PERIOD_1_OR_6.note)
 
 
 NOT_SETTLED = MotionClass("undecided", 0, None, "not settled: the Poincaré section still drifts", True)
@@ -439,7 +446,7 @@ def test_motion_that_changes_within_its_interval_is_measured_longer_and_has_no_e
 ):
     answers = iter(["rms_y_m", "rms_y_m" if still else ""])
     monkeypatch.setattr("vibroplat.study.point.transience", lambda *_: next(answers))
-    row = swept(MACHINE, 62.5, changes=CHAOTIC, max_settle_s=2.0, measure_s=0.2, find_coexisting=False).iloc[0]
+    row = swept(MACHINE, 62.5, changes=CHAOTIC, max_settle_s=2.0, measure_s=0.2).iloc[0]
     assert row["simulated_s"] == pytest.approx(2.0 + (1 + LONGER) * BLOCKS * 0.2)
     assert row[list(ERRORS.values())].isna().all() == still
     assert ("may be a transient: rms_y_m changes as it is measured" in row["notes"]) == still

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import pickle
+import platform
 import shutil
 import subprocess
 import sys
@@ -50,7 +51,7 @@ def test_each_difference_is_refused_by_name_before_the_task_is_read(mine):
     assert {"vibroplat", "source files", "Python"} | libraries | machine <= set(mine)
     for name in mine:
         found = fingerprint.run_checked({**mine, name: "other"}, b"not a pickle")
-        assert found == {"refused": f"this process: {name} {mine[name]} (here other)"}
+        assert found == {"refused": f"process {os.getpid()} on {platform.node()}: {name} {mine[name]} (here other)"}
 
 
 def test_all_differences_of_what_both_know_are_named():

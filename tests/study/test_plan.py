@@ -122,10 +122,8 @@ def test_mistakes_in_other_keys_are_told_in_a_line(complaint):
 
 
 def test_names_of_keys_are_guessed(complaint):
-    assert complaint(with_plan("settle_s: 3")) == (
-        "c.yaml: unknown key sweep.settle_s in line 1; it was removed: a motion settles until convergence is shown, "
-        "for at most max_settle_s"
-    )
+    line = complaint(with_plan("settle_s: 3"))
+    assert line.startswith("c.yaml: unknown key sweep.settle_s in line 1; did you mean settle_by? allowed: ")
     line = complaint(with_plan("grid: {material.mas_ratio: [0.1]}"))
     assert line.startswith("sweep.grid: unknown key material.mas_ratio; did you mean mass_ratio? allowed: ")
     for values in ("material: [{mass_ratio: 0.1}]", "contact.restitution: []"):  # no values of a grid

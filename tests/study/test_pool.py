@@ -3,7 +3,6 @@
 import math
 import os
 import signal
-import sys
 import threading
 import time
 from concurrent.futures import BrokenExecutor, Future
@@ -14,13 +13,11 @@ from common.results import bits
 
 from vibroplat import sweep
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.errors import ConfigError
 from vibroplat.study import pool as pools
 from vibroplat.study.branches import branches
 from vibroplat.study.point import SweepPoint
 from vibroplat.study.pool import (
     MAX_LOSSES,
-    Cluster,
     Inline,
     Processes,
     StoredChain,
@@ -108,41 +105,6 @@ def test_tasks_follow_from_results_and_chains_take_turns():
         assert [record for _, record in store.read("from 2")] == [{"square": n} for n in (4, 16, 256)]
         assert len(store) == 6
     assert squares.calls == [2, 3, 4, 9, 16, 81]
-
-
-class Aside(Squares):
-    def fourth_powers(self, *numbers):
-        """Square numbers; the squares of the squares are tasks aside."""
-        for number in numbers:
-            record = yield Task(self.square, (number,))
-            sent = yield Task(self.square, (record["square"],), aside=True)
-            assert sent is None
-        return len(numbers)
-
-
-@pytest.mark.parametrize("most", [1, 2, 3, 4, 5])
-def test_chains_do_not_wait_for_tasks_aside_which_are_done_once(most, tmp_path):
-    """They follow the other chains that wait; whatever is interrupted, each record is that of its task."""
-
-    def follow(squares, store):
-        chains = [StoredChain(squares.fourth_powers(*numbers), store, numbers[0]) for numbers in ((2, 3), (10,))]
-        return run_stored(chains, Inline(), known.append)
-
-    known, whole = [], Aside()
-    with Store(None, {}) as store:
-        assert follow(whole, store) == [2, 1]
-        assert [store.read_aside(2, place) for place in range(3)] == [{"square": 16}, {"square": 81}, None]
-        assert store.read_aside(10, 0) == {"square": 10_000}
-    assert whole.calls == [2, 10, 3, 4, 100, 9]
-    assert known == [0, 0, 1, 2, 2, 2, 2]
-    with Store(tmp_path, {}) as store, pytest.raises(Interrupted):
-        follow(Aside(most), store)
-    again = Aside()
-    with Store(tmp_path, {}, resume=True) as store:
-        assert follow(again, store) == [2, 1]
-        assert (store.read_aside(2, 1), store.read_aside(10, 0)) == ({"square": 81}, {"square": 10_000})
-        assert len(store) == 6
-    assert sorted(again.calls) == sorted(whole.calls[most:])
 
 
 def test_task_whose_worker_is_lost_has_no_record_but_that_for_this_case():
@@ -323,16 +285,6 @@ def test_point_that_kills_its_workers_is_a_row_and_the_branch_goes_on(scene, mon
     assert len(found) == 24
     assert LOST not in begun
     assert begun[NEXT] == 46.0
-
-
-# -- schedulers that are none ---------------------------------------------------------------------------
-
-
-def test_scheduler_without_dask_is_refused(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ConfigError) as caught:
-        Cluster("tcp://127.0.0.1:8786")
-    assert str(caught.value) == "--scheduler needs dask.distributed; pip install 'vibroplat[cluster]' has it"
 
 
 # -- pools of their own ---------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ INTERFACE = [
     *("impacts_per_period", "gap_max_m", "contact_force_max_n", "impulse_max_n_s", "motor_power_w", "energy_residual"),
     *("outcome", "steps", "residual_calls", "events", "simulated_s", "wall_s"),
 ]
-TEXTS = {"direction", "relative_rotation", "sync", "motion", "outcome", "detail", "notes", "coexisting"}
+TEXTS = {"direction", "relative_rotation", "sync", "motion", "outcome", "detail", "notes"}
 COUNTS = {"branch", "period", "steps", "residual_calls", "events"}
 #: What every row has, also of a point that failed.
 OF_THE_OUTCOME = [*INTERFACE[:2], "detail", *INTERFACE[-6:]]
@@ -387,6 +387,14 @@ def test_undecided_points_are_told_with_the_first_reason():
     one = "1 point is undecided, at a supply of 62 Hz: drifts; sweep.max_settle_s may help"
     assert notes_on_points(table[table["detail"] != "sign unclear"]) == [one]
     assert notes_on_points(table[:1]) == []
+
+
+def test_chaotic_points_say_that_other_attractors_were_not_looked_for():
+    chaotic = noted("", "", "").assign(motion=["periodic", *["chaotic"] * 2])
+    assert notes_on_points(chaotic) == [
+        "hint: 2 chaotic points: other attractors were not looked for: basins; chaos that ends only after "
+        "sweep.measure_s looks alike"
+    ]
 
 
 # -- many points ----------------------------------------------------------------------------------------

@@ -12,8 +12,9 @@ from common import handmade
 from common.places import ROOT
 
 from vibroplat import Scene, find, load_config
+from vibroplat.config.circular import shown_angle
 from vibroplat.config.study_plans import FindPlan
-from vibroplat.study.point import SweepPoint, failed_record
+from vibroplat.study.point import ANTIPHASE, SweepPoint, failed_record
 from vibroplat.thresholds import picture, search
 from vibroplat.thresholds import values as values_of
 from vibroplat.thresholds.evidence import (
@@ -26,6 +27,7 @@ from vibroplat.thresholds.evidence import (
     Threshold,
     facts,
     is_wanted,
+    may_depend_on_seed,
     zones,
 )
 from vibroplat.thresholds.search import start_key
@@ -102,6 +104,26 @@ def test_a_phase_difference_that_passes_pi_neither_jumps_nor_crosses_another_lev
     assert measures_meet([(one, other)], FindPlan(**ASKED | {"expression": "phase_difference_rad > 0"}))
     with pytest.raises(ValueError, match="300 is more than a turn, but phase_difference_rad is in rad"):
         FindPlan(**ASKED | {"expression": "phase_difference_rad > 300"})
+
+
+@pytest.mark.parametrize(("level", "kind"), [(0.0, "opposite-crossing"), (-3.139, "level-crossing")])
+def test_a_phase_that_passes_pi_is_located_as_well_as_rows_show_it(known, monkeypatch, level, kind):
+    """Rows show π for what is less than 5 mrad above −π; half a turn from a level no level is crossed."""
+
+    def passing(scene, plan, state, times, key):
+        point, at = known(scene, plan, state, times, key), scene.motor.critical_torque_n_m
+        point.row["phase_difference_rad"] = shown_angle(math.pi + 1e-3 * (at - 45.0), ANTIPHASE)
+        return point
+
+    monkeypatch.setattr(search, "evaluate", passing)
+    found = find(Scene().replace({"find": ASKED | {"expression": f"phase_difference_rad > {level}", "stop": 80.0}}))
+    (row,) = found.thresholds.to_dict("records")
+    true = 45.0 + 1e3 * ((level + 2.0 * math.pi if level else math.pi) - math.pi)
+    assert row["below"] < true < row["above"]
+    assert row["above"] - row["below"] < 12.0, "the width of what is shown as π, and as much on one side"
+    assert row["kind"] == kind
+    assert ("no level-crossing" in found.answer.headline) == (kind == "opposite-crossing")
+    assert pd.isna(row["mixed_low"])
 
 
 def test_a_value_that_changes_with_twice_the_time_is_mixed():
@@ -432,36 +454,63 @@ def test_rounds_that_end_early_are_told_of_sharp_and_of_mixed_changes(measures):
     assert note == f"outcomes may be mixed beyond the {told}"
 
 
-@pytest.mark.parametrize("luck", ["", "seed", "time", "late"])
-def test_attractors_are_told_apart_only_where_seed_and_time_do_not_change_the_class(known, monkeypatch, luck):
-    """Beside chaos; otherwise measures are named that can be asked for, at the cost of a sweep."""
+@pytest.mark.parametrize("above", ["chaotic", "slow", "period 2", "chaotic with some seeds"])
+def test_changes_beside_chaos_are_not_narrowed_and_measures_are_named_instead(known, monkeypatch, above):
+    """They are at the cost of a sweep up and down; captures and changes between orbits are narrowed."""
 
-    def beside_chaos(scene, plan, state, times, key):
+    def beside(scene, plan, state, times, key):
         point, at = known(scene, plan, state, times, key), scene.motor.critical_torque_n_m
-        orbit = at < 45.0
-        chance = (luck == "seed" and key[0] % 2 == 1) or (luck == "time" and times == 2)
-        orbit = orbit != (chance and 20.0 < at < 70.0)
+        luck = key[0] % 2 == 1 and 20.0 < at < 70.0
+        chaotic = {"chaotic": (at > 45.0) != luck, "slow": at > 45.0, "period 2": False}.get(above, luck)
         point.row.update(sync="in-phase" if at > 85.0 else "antiphase", rms_y_m=1e-3 + 1e-5 * at, settle_s=1.0)
-        point.row.update(motion="periodic" if orbit else "chaotic", period=int(orbit))
-        point.row["multiplier_max"] = 0.5 if orbit else None
-        point.row["settle_s"] = 60.0 if luck == "late" and orbit else 1.0
+        point.row.update(motion="chaotic" if chaotic else "periodic", slow=above == "slow" and at > 45.0)
+        point.row["period"] = 0 if chaotic else 1 + (at > 45.0)
         return point
 
-    monkeypatch.setattr(search, "evaluate", beside_chaos)
+    monkeypatch.setattr(search, "evaluate", beside)
+    monkeypatch.setattr(search, "start_time", lambda *_: {"seconds": 2.0})
     monkeypatch.setattr(search.ThresholdSearch, "_continuous", lambda *_: False)
-    plan = {name: ASKED[name] for name in ("key", "start", "tolerance")} | {"stop": 90.0, "scan": 10}
+    plan = {name: ASKED[name] for name in ("key", "start", "tolerance")} | {"stop": 80.0, "scan": 9}
+    if above == "chaotic":
+        plan |= {"stop": 90.0, "scan": 10}  # with another synchronization
     found = find(Scene().replace({"find": plan}))
     told = [found.answer.headline, *found.answer.short]
-    if not luck:
-        assert "not-narrowed" not in set(found.thresholds["kind"])
+    if above in ("slow", "period 2"):
+        assert set(found.thresholds["kind"]) == {"level-crossing"}
         assert not any("told apart" in line for line in told)
         return
     assert told[0].startswith("attractors cannot be told apart over")
-    assert "40 … 50" in told[0]
-    assert "find.compare: regime" in told[-2]
-    assert '"rms_y_m > 0.00145" (1.40 … 1.50 mm there)' in told[-1]
-    assert set(found.thresholds["kind"]) == {"not-narrowed"}
-    assert len(found.scan) <= 10 + 12 + 4, "nothing is narrowed"
+    assert "find.compare: regime" in told[1]
+    if above == "chaotic":
+        assert "40 … 50" in told[0]
+        assert '"rms_y_m > 0.00145" (1.40 … 1.50 mm there)' in told[2]
+        assert told[3] == "at critical torque 40 N·m: antiphase, period 1; with another seed: antiphase, chaotic"
+        assert "80 … 90 N·m: antiphase, chaotic → in-phase, chaotic" in told[-1]
+        assert set(found.thresholds["kind"]) == {"not-narrowed"}
+        assert len(found.scan) <= 2 * 10, "nothing is narrowed"
+    assert len(found.scan) < 150, "rounds end as soon as one of their starts is chaotic"
+
+
+def test_a_special_point_beside_chaos_is_located(known, monkeypatch):
+    """Its orbit is known, whatever motion is beyond; many starts with other seeds would not tell more of it."""
+
+    def beside(scene, plan, state, times, key):
+        point, chaotic = known(scene, plan, state, times, key), scene.motor.critical_torque_n_m > 45.0
+        point.row.update(motion="chaotic" if chaotic else "periodic", period=int(not chaotic), multiplier_max=0.5)
+        return point
+
+    def on_branch(self, begin, end, step, evaluated):
+        yield from ()
+        if begin.value < end:
+            return Threshold(begin, begin._replace(value=end), 45.0, "jump", "fold")
+        return None
+
+    monkeypatch.setattr(search, "evaluate", beside)
+    monkeypatch.setattr(search.ThresholdSearch, "_locate_on_branch", on_branch)
+    plan = {name: ASKED[name] for name in ("key", "start", "tolerance")} | {"stop": 80.0, "scan": 9}
+    found = find(Scene().replace({"find": plan}))
+    assert found.answer.headline == f"{KEY} = 45.0 ± 0.5 N·m: jump, fold of the orbit"
+    assert len(found.scan) <= 2 * 9
 
 
 def test_measures_that_meet_do_not_make_a_change_of_synchronization_sharp(known, monkeypatch):
@@ -476,6 +525,18 @@ def test_measures_that_meet_do_not_make_a_change_of_synchronization_sharp(known,
     monkeypatch.setattr(search, "evaluate", by_seed)
     plan = {name: ASKED[name] for name in ("key", "start", "scan", "tolerance")} | {"stop": 80.0, "compare": "regime"}
     assert " in all 104 starts there" in find(Scene().replace({"find": plan})).answer.headline
+
+
+def test_a_synchronization_that_changes_smoothly_along_a_known_orbit_needs_no_other_seeds():
+    regime = FindPlan(**{name: ASKED[name] for name in ("key", "start", "stop")} | {"compare": "regime"})
+    known_row = {"multiplier_max": 0.9, "rms_x_m": 0.0, "excitation_frequency_hz": 25.0, "phase_difference_rad": 2.094}
+    one, other = (value(at, 1.0, **known_row) for at in (1.0, 2.0))
+    smooth = between(one, other)._replace(kind="level-crossing")
+    unknown = smooth._replace(high=value(2.0, 1.0, **known_row | {"multiplier_max": None}))
+    assert not may_depend_on_seed(smooth, regime)
+    for case in (unknown, smooth._replace(kind="jump"), smooth._replace(special="fold")):
+        assert may_depend_on_seed(case, regime)
+    assert not may_depend_on_seed(unknown, PLAN), "an expression says what is measured"
 
 
 def test_what_was_measured_in_a_transient_is_told(known, monkeypatch):

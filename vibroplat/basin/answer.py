@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.basin.attractors import AttractorSet
-from vibroplat.basin.rates import ALPHA, CHAOTIC, TRANSIENT_MOTIONS, clopper_pearson, fractions_over
+from vibroplat.basin.fractions import clopper_pearson, fractions_over
 from vibroplat.config.digits import number, percent
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
@@ -18,19 +18,14 @@ from vibroplat.study.branches import box_words, column_of, measures_text, place_
 
 #: Most attractors that have a line.
 MAX_ATTRACTORS = 6
+#: Motions that may be transients: of these, others may converge to orbits later.
+CHAOTIC, TRANSIENT_MOTIONS = "chaotic", ("chaotic", "undecided")
 
 
 def answer_of(
-    scene: Scene,
-    tables: Mapping[str, pd.DataFrame],
-    key: str | None,
-    sets: Sequence[AttractorSet],
-    escaped: Mapping[str, int],
+    scene: Scene, tables: Mapping[str, pd.DataFrame], key: str | None, sets: Sequence[AttractorSet]
 ) -> Answer:
-    """Return the printed answer of basins.
-
-    ``escaped`` has the number of motions of an attractor that converged to an orbit when they were continued.
-    """
+    """Return the printed answer of basins."""
     plan, attractors = scene.plan_of("basins"), tables["attractors"]
     names = list(dict.fromkeys(attractors["attractor"]))
     values = len(sets)
@@ -38,7 +33,7 @@ def answer_of(
     starts = f"{plan.number} initial conditions{over}: {box_words(plan.initial_conditions)}"
     return Answer(
         lines=_lines(plan, tables, values),
-        text=[*_text(attractors, escaped)] if key is None else (),
+        text=[*_text(attractors)] if key is None else (),
         notes=_notes(plan, attractors, sets),
         failures=[line for one in sets for line in _failures(one)],
         headline=f"{counted(len(names), 'attractor')} from {starts}",
@@ -92,30 +87,11 @@ def _lines(plan: BasinsPlan, tables: Mapping[str, pd.DataFrame], values: int) ->
     }
 
 
-def _text(table: pd.DataFrame, escaped: Mapping[str, int]) -> Iterator[str]:
-    """Yield a line for each attractor: the leading multiplier of an orbit, the mean life of a chaotic motion.
-
-    ``escaped`` has the number of its motions that converged to an orbit when they were continued.
-    """
-    for _, row in table.iterrows():
-        stable = f"multiplier {number(row['multiplier_max'], 4)}" if pd.notna(row["multiplier_max"]) else ""
-        text = stable or _lifetime_text(row, escaped.get(str(row["attractor"]), 0))
-        if text:
-            yield f"{row['attractor']:<{max(map(len, table['attractor']))}}  {text}"
-
-
-def _lifetime_text(row: pd.Series, escaped: int) -> str:
-    """Return the mean life of a chaotic motion with bounds, in words; empty if it is not known."""
-    if row["motion"] != CHAOTIC or pd.isna(row["rate_high_per_turn"]):
-        return ""
-    rate, slowest, fastest = (row[f"rate_{name}per_turn"] for name in ("", "low_", "high_"))
-    if not rate > 0.0 and escaped:
-        return f"transient: {escaped} motion{'s' * (escaped > 1)} converged to an orbit when continued"
-    if not rate > 0.0:
-        return f"mean life above {_turns(1.0 / fastest)} turns"
-    if row["rate_constant_p"] < ALPHA:
-        return "transient, with a rate that is not constant"
-    return f"transient, mean life {_turns(1.0 / rate)} ({_turns(1.0 / fastest)} … {_turns(1.0 / slowest)}) turns"
+def _text(table: pd.DataFrame) -> Iterator[str]:
+    """Yield a line for each orbit: its leading multiplier."""
+    width = table["attractor"].str.len().max()
+    for _, row in table[table["multiplier_max"].notna()].iterrows():
+        yield f"{row['attractor']:<{width}}  multiplier {number(row['multiplier_max'], 4)}"
 
 
 def _turns(number: float) -> str:
@@ -132,8 +108,8 @@ def _notes(plan: BasinsPlan, table: pd.DataFrame, sets: Sequence[AttractorSet]) 
         notes.append(f"{HINT}{hint}")
     if table["motion"].isin(TRANSIENT_MOTIONS).any():
         notes.append(
-            f"motions that did not converge to an orbit within {plan.max_turns} turns were grouped by windows of "
-            "their last turns; one motion of each group was classified"
+            f"fractions are those within {plan.max_turns} turns and may change beyond them: motions that had not "
+            "converged to an orbit were grouped by their last turns, and one of each group was classified"
         )
     for one in sets:
         chaos = [k for k, record in enumerate(one.attractors) if record["row"]["motion"] == CHAOTIC and one.counts[k]]

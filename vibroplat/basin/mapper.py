@@ -50,7 +50,6 @@ from vibroplat.shooting.assignment import (
     follow,
     numbers_of,
 )
-from vibroplat.study.attractor_search import search_coexisting
 from vibroplat.study.classification import BLOCKS
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit
@@ -355,8 +354,6 @@ def classify_unconverged(scene: Scene, state: list[float]) -> Record:
     """Measure and classify a motion that has converged to no orbit in the turns given."""
     plan = SweepPlan.of_motion(perturbation=0.0)
     point = measure_point(scene, plan, state, (0,))
-    if point.search is not None:
-        point.row.update(search_coexisting(scene, plan, point.search))
     del point.row["wall_s"]
     return {"row": point.row, "state": point.state}
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.basin.rates import fractions_over
+from vibroplat.basin.fractions import fractions_over
 from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd

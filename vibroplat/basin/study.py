@@ -14,11 +14,11 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from vibroplat.basin.answer import answer_of
+from vibroplat.basin.answer import TRANSIENT_MOTIONS, answer_of
 from vibroplat.basin.attractors import AttractorSet, continue_attractors, name_attractors
+from vibroplat.basin.fractions import clopper_pearson
 from vibroplat.basin.initial_conditions import key_values, validated_base_scene
 from vibroplat.basin.mapper import classify_unconverged, map_alone, map_initial_conditions, repeats
-from vibroplat.basin.rates import LATE_FRACTION, TRANSIENT_MOTIONS, Rate, clopper_pearson, estimate_rates
 from vibroplat.columns import COUNT, PHASE_COLUMN, TEXT, Column, Columns
 from vibroplat.config.coordinates import COORDINATES, RATES
 from vibroplat.config.scene import Scene
@@ -39,6 +39,8 @@ from vibroplat.study.sweep import SWEEP
 BLOCK = 100
 #: Maximum number of motions of a group that are continued until one of them can be classified.
 MAX_FOLLOWED = 3
+#: Part of the turns after which an arrival counts as late: of a chaotic transient, perhaps.
+LATE_FRACTION = 0.25
 #: Columns of the tables after the key that varies.
 ATTRACTORS: Columns = {
     "attractor": Column(
@@ -56,20 +58,6 @@ ATTRACTORS: Columns = {
         "upper bound of the basin fraction", "see fraction_low; 3/N if none of N initial conditions converges to it"
     ),
     "within_turns": Column("maximum number of turns of exciter 1 for each initial condition", kind=COUNT),
-    "rate_per_turn": Column(
-        "orbit: rate at which chaotic motions converge to it; chaotic motion: rate at which it is left",
-        "arrivals after within_turns/4, divided by all turns after it; the inverse is the mean life of a chaotic "
-        "transient; empty if it is not known",
-    ),
-    "rate_low_per_turn": Column("lower bound of rate_per_turn", "95 %, Garwood (1936)"),
-    "rate_high_per_turn": Column(
-        "upper bound of rate_per_turn", "see rate_low_per_turn; without arrivals 3 divided by the turns"
-    ),
-    "rate_constant_p": Column(
-        "p-value of the hypothesis that the rate is constant",
-        "tests of Laplace and of Kolmogorov and Smirnov; below 0.05 the rate is not constant; empty if there are "
-        "fewer than five arrivals",
-    ),
     "multiplier_max": SWEEP["multiplier_max"],
     "radius": Column(
         "radius of the smallest attraction ellipsoid of the orbit",
@@ -78,7 +66,7 @@ ATTRACTORS: Columns = {
     ),
     "ellipsoids": Column("crossings of the Poincaré section per period that have an attraction ellipsoid", kind=COUNT),
     **{name: SWEEP[name] for name in MEASURED},
-    **{name: SWEEP[name] for name in (*ERRORS.values(), "coexisting", "outcome", "detail", "notes")},
+    **{name: SWEEP[name] for name in (*ERRORS.values(), "outcome", "detail", "notes")},
     **{name: Column(f"{name} of a state of the attractor on the Poincaré section") for name in (*COORDINATES, *RATES)},
     **SHEET,
 }
@@ -186,14 +174,14 @@ class BasinsStudy(Study):
     def cross_check_cases(self, result: Result, store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
         """Choose starts, as far from each other as they can be, that must converge to the same attractors.
 
-        Where chaos is a transient, its end differs from engine to engine. Such starts are left out, and those whose
-        motions ended early or are undecided.
+        Chaos may be a transient, the end of which differs from engine to engine. Starts that are chaotic or arrive late
+        are left out, and those whose motions ended early or are undecided.
         """
         attractors, starts = result.attractors, result.starts
         names = ["attractor"] if self.key is None else [column_of(self.key), "attractor"]
         joined = starts[[*names, "turns"]].merge(attractors, on=names, how="left")
         late = joined["period"].gt(0) & joined["turns"].gt(LATE_FRACTION * self.plan.max_turns)
-        certain = joined["period"].gt(0) | joined["rate_per_turn"].eq(0.0) | ~joined["motion"].isin(TRANSIENT_MOTIONS)
+        certain = joined["period"].gt(0) | ~joined["motion"].isin(TRANSIENT_MOTIONS)
         places = np.flatnonzero(certain & ~late & joined["outcome"].eq("ok"))
         count, order, cases = self.plan.number, self.order, list[CrossCheckCase]()
         for index in choose_evenly(places.tolist()):
@@ -250,13 +238,11 @@ def _make_result(study: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
     plan, key = study.plan, study.key
     column = {} if key is None else {column_of(key): None}
     attractors, starts, places = [], [], key_values(plan, range(plan.number))
-    escaped: dict[str, int] = {}
     for value, one, labels in zip(study.values, sets, name_attractors(sets), strict=True):
-        escaped |= {label: a.get("escaped", 0) for label, a in zip(labels, one.attractors, strict=True)}
         at = dict.fromkeys(column, value)
-        counts, rates = one.counts, estimate_rates(one.attractors, one.starts, plan.max_turns)
+        counts = one.counts
         order = sorted(range(len(counts)), key=lambda k: (-counts[k], k))
-        attractors += [at | _row(one.attractors[k], labels[k], counts[k], rates[k], plan) for k in order]
+        attractors += [at | _row(one.attractors[k], labels[k], counts[k], plan) for k in order]
         starts += [
             at
             | dict(zip(plan.initial_conditions, places[k].tolist(), strict=True))
@@ -268,17 +254,14 @@ def _make_result(study: BasinsStudy, sets: Sequence[AttractorSet]) -> Result:
         "attractors": study_table(attractors, [*column, *ATTRACTORS, *more], {**SWEEP, **ATTRACTORS, **more}),
         "starts": study_table(starts, [*column, *plan.initial_conditions, *STARTS_TABLE], {**SWEEP, **STARTS_TABLE}),
     }
-    return Result("basins", study.scene, tables, answer_of(study.scene, tables, key, sets, escaped))
+    return Result("basins", study.scene, tables, answer_of(study.scene, tables, key, sets))
 
 
-def _row(record: Record, label: str, count: int, rate: Rate | None, plan: BasinsPlan) -> dict[str, Any]:
-    """Return the row of an attractor to which a count of the starts converges, at a rate."""
+def _row(record: Record, label: str, count: int, plan: BasinsPlan) -> dict[str, Any]:
+    """Return the row of an attractor to which a count of the starts converges."""
     low, high = clopper_pearson(count, plan.number)
     columns: dict[str, Any] = {"attractor": label, "count": count, "fraction": count / plan.number}
     columns |= {"fraction_low": low, "fraction_high": high, "within_turns": plan.max_turns}
-    if rate is not None:
-        names = ("rate_per_turn", "rate_low_per_turn", "rate_high_per_turn", "rate_constant_p")
-        columns |= dict(zip(names, rate, strict=True))
     state = zip((*COORDINATES, *RATES), record["state"] or [None] * 14, strict=False)
     own = {name: record[name] for name in ("radius", "ellipsoids")}
     return {**record["row"], **dict(state), **columns, **own}

@@ -76,12 +76,17 @@ Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler
 # -- before a command begins --------------------------------------------------------------------------------
 
 
-def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
-    """Read a configuration and apply the options ``--set`` and ``--engine``."""
+def scene_of(config: Path, settings: list[str] | None, engine: str | None, command: str = "") -> Scene:
+    """Read a configuration and apply the options ``--set`` and ``--engine``; tell which the command does not read."""
     from vibroplat.config.loading import load_config
+    from vibroplat.config.plausibility import set_in_vain
     from vibroplat.config.reader import parse_overrides
 
-    return load_config(config, parse_overrides(settings or [], engine))
+    changes = parse_overrides(settings or [], engine)
+    scene = load_config(config, changes)
+    for note in set_in_vain(changes, command) if command else ():
+        print(f"vibroplat: {note}", file=sys.stderr)
+    return scene
 
 
 def announce_first_run(engine: str = "native") -> bool:
@@ -133,9 +138,9 @@ def command_directory(out: Path, name: str, command: str, *, resume: bool = Fals
 def require_scheduler(address: str | None) -> None:
     """Refuse an address without a scheduler, before kernels are loaded, which may take long."""
     if address is not None:
-        from vibroplat.study import cluster
+        from vibroplat.study import executors
 
-        cluster.require_scheduler(address)
+        executors.require_scheduler(address)
 
 
 def finished(

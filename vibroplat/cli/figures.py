@@ -102,7 +102,7 @@ def film(
     stop: Annotated[float | None, typer.Option(help="End of the interval (s).")] = None,
 ) -> None:
     """Film the moving machine of a run in slow motion, as a GIF."""
-    from vibroplat.plots.film import write_film
+    from vibroplat.page.film import write_film
 
     print(write_film(directory, out, start, stop))
 

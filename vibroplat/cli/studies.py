@@ -51,7 +51,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
         with common.workers_of(kind.study, engine, jobs, scheduler):
             from vibroplat.config.engine_choice import chosen_engine
 
-            scene = common.scene_of(config, set_, engine)
+            scene = common.scene_of(config, set_, engine, kind.name)
             common.announce_first_run(chosen_engine(scene))
             with errors_about(config):
                 study = kind.load()(scene)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Annotated, Any, LiteralString, ParamSpec, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, create_model
+from pydantic import AfterValidator, ConfigDict, ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
 from vibroplat.config.schema import explain
@@ -52,39 +52,28 @@ _STRICT = ConfigDict(strict=True, extra="forbid", arbitrary_types_allowed=True)
 def validated(**types: Any) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Return a decorator: these arguments of a function have these types, or :class:`ConfigError` says so in a line.
 
-    A variadic argument, as ``options``, has fields of its own: a mapping of names to types.
+    Further keyword arguments, as ``options``, must be among the types.
     """
+    fields: dict[str, Any] = {name: (kind, None) for name, kind in types.items()}
+    model = create_model("Arguments", __config__=_STRICT, **fields)
 
     def decorate(function: Callable[P, T]) -> Callable[P, T]:
         signature = inspect.signature(function)
-        single = {key: of for key, of in types.items() if not isinstance(of, Mapping)}
-        models = {"": _model(single)} | {key: _model(of) for key, of in types.items() if isinstance(of, Mapping)}
 
         @wraps(function)
         def checked(*args: P.args, **kwargs: P.kwargs) -> T:
-            given = signature.bind(*args, **kwargs).arguments
-            for key, model in models.items():
-                part = given.get(key, {}) if key else {one: given[one] for one in single if one in given}
-                given.get(key, given).update(_values(model, part))
-            bound = inspect.BoundArguments(signature, given)
+            bound = signature.bind(*args, **kwargs)
+            options = bound.arguments.get("options", {})
+            given = {name: value for name, value in bound.arguments.items() if name in types} | options
+            plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in given.items()}
+            try:
+                values = vars(model.model_validate(plain))
+            except ValidationError as error:
+                raise ConfigError(explain(error, model)) from None
+            for part in (bound.arguments, options):
+                part.update({name: values[name] for name in part if name in given})
             return function(*bound.args, **bound.kwargs)
 
         return checked
 
     return decorate
-
-
-def _model(types: Mapping[str, Any]) -> type[BaseModel]:
-    """Return a model in which each argument may be left out."""
-    fields: dict[str, Any] = {name: (kind, None) for name, kind in types.items()}
-    return create_model("Arguments", __config__=_STRICT, **fields)
-
-
-def _values(model: type[BaseModel], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arguments as their model has them; raises ConfigError."""
-    plain = {name: value.item() if isinstance(value, np.generic) else value for name, value in given.items()}
-    try:
-        values = model.model_validate(plain)
-    except ValidationError as error:
-        raise ConfigError(explain(error, model)) from None
-    return {name: getattr(values, name) for name in given}

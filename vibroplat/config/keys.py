@@ -107,6 +107,10 @@ def configuration_schema() -> dict[str, Any]:
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Scene.model_json_schema()
     schema["title"] = "vibroplat configuration"
     schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
+    for section in schema["$defs"].values():
+        for key in section["properties"].values():
+            if "patternProperties" in key:  # names that users give
+                key["additionalProperties"] = False
     return schema
 
 

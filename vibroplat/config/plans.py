@@ -189,9 +189,6 @@ class SweepPlan(Section, title="Sweep"):
         "",
         "distinguish chaotic from quasi-periodic by the largest Lyapunov exponent; false: both are non-periodic",
     )
-    find_coexisting: bool = described(
-        True, "", "search for attractors coexisting with each chaotic one; takes two fifths of its time"
-    )
 
     alternatives = (("supply_frequency_hz", "over"),)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import repeat
 from typing import Any, NamedTuple
 
@@ -17,8 +17,9 @@ from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
+from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import Exciter, Motor
+from vibroplat.config.sections import Contact, Exciter, Material, Motor, Transport
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
@@ -48,6 +49,16 @@ _AXES = (
     ("y", "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
     ("phi", "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
 )
+
+#: Sections that count with material alone, and keys that count with two layers alone.
+_OF_MATERIAL: dict[str, type[BaseModel]] = {"material": Material, "contact": Contact, "transport": Transport}
+_OF_TWO_LAYERS = ("lower_share", "natural_frequency_hz", "stiffness_n_per_m", "damping_ratio", "damping_n_s_per_m")
+
+#: Keys that count in runs alone.
+_OF_RUNS = ("run.duration_s", "output.sample_rate_hz", "output.accelerations")
+#: Reasons why keys have no effect that may be slips.
+_BARE = "there is no material, as material.mass_ratio is 0"
+_NOT_RANDOM = "nothing is random, as nothing disturbs the start"
 
 
 class UsualRange(NamedTuple):
@@ -80,6 +91,7 @@ def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = No
     """
     notes = [*_weak_motors(scene), _unequal_motors(scene), _steep_deck(scene), _weakly_damped(scene) if of_run else ""]
     notes += [*(_note_if_unusual(quantity, scene) for quantity in quantities(scene)), _replaced(scene)]
+    notes += _given_in_vain(scene, of_run=of_run)
     if ends is None:
         ends = math.inf if scene.run.initial.from_ is not None else scene.run.duration_s
     notes += [_unreached(scene, ends), _coarse(scene)] if of_run else []
@@ -153,10 +165,63 @@ def _without_effect(scene: Scene, kind: str) -> list[str]:
     if "seed" in plan.model_fields_set and getattr(plan, "perturbation", 1.0) == 0.0:
         notes.append(f"{WARNING}{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
     varied = str(plan.model_dump(exclude_none=True))
-    keys = dict.fromkeys(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
-    if keys and not scene.material.mass_ratio and "material.mass_ratio" not in keys:
-        notes.append(f"{WARNING}no effect of {', '.join(keys)}: there is no material, as material.mass_ratio is 0")
+    keys = set(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
+    if keys & {"material.mass_ratio", "material.layers", "contact.model"}:
+        return notes
+    return [*notes, *_no_effect({key: why for key, why in _unread_keys(scene).items() if key in keys})]
+
+
+def _given_in_vain(scene: Scene, *, of_run: bool) -> list[str]:
+    """Return the notes on keys that are given and that a scene does not read; a bare platform may be meant."""
+    bare_is_meant = not scene.material.mass_ratio and "mass_ratio" in scene.material.model_fields_set
+    unread = {}
+    for key, why in _unread_keys(scene).items():
+        section, _, name = key.partition(".")
+        model = getattr(scene, section)
+        if model is None or name not in model.model_fields_set:
+            continue
+        is_told = of_run if section == "run" else not bare_is_meant  # studies have seeds of their own
+        if is_told and getattr(model, name) != type(model).model_fields[name].default:
+            unread[key] = why
+    return _no_effect(unread, HINT)
+
+
+def set_in_vain(keys: Iterable[str], command: str) -> list[str]:
+    """Return the notes on keys that are set for a command whose result does not depend on them."""
+    others, of_runs = unused_sections(command) & KINDS.keys(), () if command == "run" else _OF_RUNS
+    vain = [key for key in keys if key.partition(".")[0] in others or key in of_runs]
+    return [f"{WARNING}no effect of {key} on {command}" for key in vain]
+
+
+def _no_effect(unread: Mapping[str, str], chosen: str = WARNING) -> list[str]:
+    """Say which keys have no effect, a note for each reason; they begin with ``chosen`` unless it may be a slip."""
+    notes = []
+    for why in dict.fromkeys(unread.values()):
+        begin = WARNING if why in (_BARE, _NOT_RANDOM) else chosen
+        notes.append(f"{begin}no effect of {', '.join(key for key in unread if unread[key] == why)}: {why}")
     return notes
+
+
+def _unread_keys(scene: Scene) -> dict[str, str]:
+    """Name the keys that a scene does not read, with the reason."""
+    material, contact = scene.material, scene.contact
+    unread = {}
+    if not scene.start_perturbation:
+        unread["run.seed"] = _NOT_RANDOM
+    of_layers = {f"material.{name}": "material.layers is 1" for name in _OF_TWO_LAYERS}
+    if material.layers == 1:
+        unread |= of_layers
+    without_impacts = {"contact.viscous_per_mass_per_s", "contact.added_mass_share"}
+    if contact.model == "impact":
+        unread |= dict.fromkeys(without_impacts, "contact.model is impact")
+    else:
+        read = {"contact.model", *without_impacts}
+        every = {*of_layers, "material.layers", *(f"contact.{name}" for name in Contact.model_fields)}
+        unread |= dict.fromkeys(sorted(every - read), "contact.model is non-impact")
+    if not material.mass_ratio:
+        every = {f"{name}.{key}" for name in _OF_MATERIAL for key in _OF_MATERIAL[name].model_fields}
+        unread |= dict.fromkeys(sorted(every - {"material.mass_ratio"}), _BARE)
+    return unread
 
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:

@@ -28,7 +28,6 @@ ENGINE = "solver.engine"
 #: A configuration has about sixty keys; anything much larger is something else.
 MAX_BYTES = 25_000
 MAX_VALUES = 5_000
-MAX_BRACKETS = 200
 #: Path beyond which it is shortened: systems allow some thousand characters, and long ones take long.
 MAX_PATH = 500
 #: Beginnings of messages about a key that is not known, and about a section without keys.
@@ -181,10 +180,6 @@ def _parse_once(text: str, source: str) -> Any:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ReusedAnchorWarning)
-            if text.count("[") + text.count("{") > MAX_BRACKETS:  # the parser takes quadratic time
-                raise ConfigError(f"{source}: more than {MAX_BRACKETS} brackets; not a configuration")
-            if text.count(",") > MAX_VALUES:  # of a list in one line; the parser takes a second for as many
-                raise ConfigError(f"{source}: more than {MAX_VALUES} values; not a configuration")
             yaml = YAML(typ="safe", pure=True)
             node = yaml.compose(text)
             if _values(node, {}) > MAX_VALUES:

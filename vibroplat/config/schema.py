@@ -55,42 +55,11 @@ PLAIN_NAME = rf"^[^{_PUNCTUATION}+._-][^{_PUNCTUATION}]*$"
 _SPELT = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "o", "ł": "l"}
 )
-#: The sign of printed numbers, which differs from the hyphen.
-MINUS = "−"
+#: The sign of printed numbers, which differs from the hyphen; and the dash that word processors make of one.
+MINUS, DASH = "−", "–"
 _NAMES = {
     NAME: "letters, digits and . _ + -, starting with a letter or digit",
     POINT_NAME: "at most 40 letters of English, digits and _, starting with a letter",
-}
-
-#: Keys of former versions, and what takes their place.
-REMOVED_KEYS = {
-    "calibration": "results/README.md describes how configs/machines/calibrated.yaml was found",
-    "design.indices": "table variance_contributions has the fractions of the variance by linear regression",
-    "sweep.period_tolerance": "points of the Poincaré section repeat within 0.01 scaled units",
-    "sweep.settle_s": "a motion settles until convergence is shown, for at most max_settle_s",
-    "sweep.max_points": "a sweep has at most a million points",
-    "orbits.step.least": "a branch ends where steps become smaller than 1e-8 of the range",
-    "orbits.boundaries.step.least": "a boundary ends where steps become smaller than 1e-8 of the range",
-    "orbits.boundaries.check": "a sweep with kind = map shows the motions on both sides",
-    "sweep.confirm": "with settle_by = newton points are orbits; `vibroplat orbits` gives their multipliers",
-}
-#: Keys of former versions, and their names now; and values of keys, which have other names, too.
-RENAMED_KEYS = {
-    "sweep.settle": "sweep.settle_by",
-    "sweep.coexists": "sweep.find_coexisting",
-    "find.outcome": "find.compare",
-    "contact.sticking_speed_m_per_s": "contact.restitution_threshold_m_per_s",
-    "orbits.step.largest": "orbits.step.max",
-    "orbits.boundaries.step.largest": "orbits.boundaries.step.max",
-    "run.initial.phase_sum_rad": "run.initial.phase_difference_rad",
-    "basins.starts": "basins.initial_conditions",
-    "basins.longest_turns": "basins.max_turns",
-    "design.subject": "design.constraints",
-    "design.spread": "design.parameter_tolerances",
-}
-RENAMED_VALUES = {
-    "sweep.settle_by": {"orbits": "newton", "motion": "section"},
-    "find.from": {"neighbour": "previous"},
 }
 
 
@@ -213,16 +182,12 @@ def in_lists(path: Sequence[str]) -> str:
 def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """Say in one line which key is wrong, what was given and what is allowed.
 
-    Only one error is described, a key of a former version rather than others; the number of further errors is appended.
+    Only one error is described; the number of further errors is appended.
     """
-    first, *more = sorted(error.errors(), key=lambda one: ".".join(map(str, one["loc"])) not in RENAMED_KEYS)
+    first, *more = error.errors()
     path = [str(part) for part in first["loc"]]
     key = ".".join(path) or model.__name__.lower()
-    if first["type"] == "extra_forbidden" and in_lists(path) in REMOVED_KEYS:
-        line = f"unknown key {key}; it was removed: {REMOVED_KEYS[in_lists(path)]}"
-    elif first["type"] == "extra_forbidden" and key in RENAMED_KEYS:
-        line = f"unknown key {key}; it is now {RENAMED_KEYS[key]}"
-    elif first["type"] == "extra_forbidden":
+    if first["type"] == "extra_forbidden":
         *section, wrong = path
         names = [name.rpartition(".") for name in (nodes(model) if issubclass(model, Section) else model.model_fields)]
         known = [last for above, _, last in names if above == in_lists(section)]
@@ -234,9 +199,7 @@ def explain(error: ValidationError, model: type[BaseModel]) -> str:
     elif first["type"] == "missing":
         line = f"{key} is missing; allowed: a value"
     else:
-        former = RENAMED_VALUES.get(key, {})
-        now = next((f"it is now {new}; " for old, new in former.items() if old == first["input"]), "")
-        line = f"{key} = {short(first['input'])}; {now}allowed: {_allowed(first)}"
+        line = f"{key} = {short(first['input'])}; allowed: {_allowed(first)}"
     return f"{line} (and {len(more)} more)" if more else line
 
 
@@ -271,7 +234,7 @@ def _number_meant(given: Any) -> str:
     """Return the number that a text may mean: with another minus, decimal comma or separators; "" if it is none."""
     if not isinstance(given, str):
         return ""
-    text = re.sub(r"[\s'’_]", "", given.replace(MINUS, "-"))
+    text = re.sub(r"[\s'’_]", "", given.replace(MINUS, "-").replace(DASH, "-"))
     if text.count(",") == 1 and text.rfind(".") < text.find(","):
         text = text.replace(".", "").replace(",", ".")
     text = text.replace(",", "")

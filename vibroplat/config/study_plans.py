@@ -13,7 +13,7 @@ from vibroplat.columns import is_angle
 from vibroplat.config.circular import beyond, bound_scale, require_turn
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
-from vibroplat.config.schema import MAX_SIZE, MINUS, RENAMED_KEYS, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.schema import MAX_SIZE, MINUS, Fraction, Positive, Real, Section, did_you_mean
 from vibroplat.config.sections import PHASES
 
 #: Prefix of the keys of initial conditions, and all such keys.
@@ -72,8 +72,7 @@ class BasinsPlan(Section, title="Basins"):
     def _possible(self) -> Self:
         for key, (low, high, *count) in self.initial_conditions.items():
             if key not in INITIAL_KEYS:
-                hint = f"it is now {RENAMED_KEYS[key]}; " if key in RENAMED_KEYS else did_you_mean(key, INITIAL_KEYS)
-                hint += f"allowed: {', '.join(INITIAL_KEYS[:5])}, … of run.initial"
+                hint = f"{did_you_mean(key, INITIAL_KEYS)}allowed: {', '.join(INITIAL_KEYS[:5])}, … of run.initial"
                 raise ValueError(f"initial_conditions.{key!a} is no key of an initial condition; {hint}")
             if not low < high:
                 raise ValueError(
@@ -193,7 +192,6 @@ class FindPlan(Section, title="Find", populate_by_name=True):
             max_settle_s=times * self.max_settle_s,
             measure_s=times * self.measure_s,
             perturbation=perturbation,
-            find_coexisting=False,
         )
 
 

@@ -21,7 +21,7 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.continuation.newton import NewtonResult
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.model.systems import FULL_SIZE, GAP
+from vibroplat.model.systems import FULL_SIZE
 from vibroplat.shooting.shots import distance
 
 #: Condition number of the eigenvectors, by Frobenius' norm, above which they are too nearly parallel to measure
@@ -80,7 +80,6 @@ class AttractionEllipsoid:
         largest = int(np.abs(values).argmax())
         self.spectral_radius = float(np.abs(values[largest]))
         self._slowest: FloatArray = right[:, largest].real
-        self._alternates = values[largest].imag != 0.0 or values[largest].real < 0.0
 
     @cached_property
     def _root(self) -> FloatArray:
@@ -97,15 +96,6 @@ class AttractionEllipsoid:
     def distance(self, state: FloatArray, system: int) -> float:
         """How far a full state on the section is away, ‖W ξ‖; inf in another system."""
         return distance(state, self.state, self.norm) if system == self.system else math.inf
-
-    def sides(self, size: float) -> list[FloatArray]:
-        """Full states at a distance from the orbit (scales of the scene) along its largest multiplier's direction.
-
-        There are two, or one where motion goes from side to side, without those that lie within the platform.
-        """
-        away = self._slowest * (size / np.abs(self._slowest).max())
-        states = [self._displace(way) for way in ((away,) if self._alternates else (away, -away))]
-        return [state for state in states if GAP not in self._places or state[GAP] > 0.0]
 
     @cached_property
     def form(self) -> FloatArray:

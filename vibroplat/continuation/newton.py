@@ -43,10 +43,6 @@ from vibroplat.shooting.shots import SOLVE
 RANK_LIMIT = 1e-8
 #: Residual after half of the period, over the tolerance, within which an orbit repeats there.
 HALF_PERIOD_RESIDUAL_RATIO = 1e3
-#: Largest lengths of the second, the third, … step, and largest residuals after the first, the second, … step, relative
-#: to the first ones: beyond them, the last ones for all later steps, it is given up.
-Limits = tuple[Sequence[float], Sequence[float]]
-NO_LIMITS: Limits = ((), ())
 
 
 class NoConvergenceError(ArithmeticError):
@@ -286,7 +282,7 @@ def correct(
     max_iterations: int = 12,
     slack: FloatArray | None = None,
     halvings: int = 0,
-    limits: Limits = NO_LIMITS,
+    limits: Sequence[float] = (),
     tolerance: float | None = None,
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns, in the directions that a border leaves free.
@@ -298,7 +294,8 @@ def correct(
     jacobian
         Nearly that of the orbit, to begin with (Broyden 1965); a new one is made where it serves no longer.
     max_iterations, limits
-        Largest number of iterations, and limits of their course.
+        Largest number of iterations, and largest lengths of the second, the third, … step relative to the first:
+        beyond them, the last one for all later steps, it is given up.
     slack
         A vector, of which the residual may have as much as it needs; then the border has a row more.
     halvings
@@ -339,7 +336,7 @@ def _search(
     jacobian: FloatArray | None,
     iterations: int,
     slack: FloatArray | None,
-    limits: Limits,
+    limits: Sequence[float],
 ) -> Search:
     """Make room for an iteration; see :func:`correct`."""
     m, n = u.size - problem.units.size, u.size + (slack is not None)
@@ -351,8 +348,8 @@ def _search(
         slack=np.empty(0) if slack is None else np.ascontiguousarray(slack),
         residual=np.empty(m),
         residuals=np.full(iterations, np.nan),
-        limits=np.array(limits[0], float),
-        residual_limits=np.array(limits[1], float),
+        limits=np.array(limits, float),
+        residual_limits=np.empty(0),
         matrix=np.zeros((n, n)),
         right=np.zeros(n),
         much=np.zeros(1),
@@ -378,12 +375,11 @@ def _reason(motion: Simulator, why: int, period: float, iterations: int) -> str:
 
 
 def correct_moving_section(
-    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Limits = NO_LIMITS
+    problem: Problem, chart: Chart, u: FloatArray, max_iterations: int, limits: Sequence[float] = ()
 ) -> NewtonResult:
     """Find an orbit near a vector of unknowns with its keys held; if an event passes the section, on another section.
 
     That is what happens to guesses from chaotic motion. The other one lies in the middle of a piece between events.
-    Limits of residuals hold there too.
 
     Raises
     ------
@@ -401,8 +397,8 @@ def correct_moving_section(
         moved = problem.move_section(chart, u, guess.section_time(elsewhere=True)) if guess.outcome == "ok" else None
         if moved is None:
             raise
-    chart, u, limits = *moved[:2], ((), limits[1])
-    return correct(problem, chart, u, fixed_border(chart), max_iterations=2 * max_iterations, halvings=4, limits=limits)
+    chart, u = moved[:2]
+    return correct(problem, chart, u, fixed_border(chart), max_iterations=2 * max_iterations, halvings=4)
 
 
 def fixed_border(chart: Chart) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.basin.rates import clopper_pearson
+from vibroplat.basin.fractions import clopper_pearson
 from vibroplat.columns import display_name, is_angle, unit_of
 from vibroplat.config.circular import NO_MEAN, centre_text, on_line, value_text
 from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, percent, prefixed, quantity

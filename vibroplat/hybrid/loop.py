@@ -13,31 +13,11 @@ import numpy.typing as npt
 
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
-from vibroplat.hybrid.modes import ATTACHED, BARE, FLIGHT, STICK
-from vibroplat.hybrid.resets import (
-    apply_chatter,
-    apply_impact,
-    apply_liftoff,
-    close_piece,
-    contact_force,
-    contact_holds_at_start,
-    forget_starts,
-    is_outside_model,
-    last_end,
-    may_shift,
-    move_to,
-    prepare_consistent_start,
-    start_callback,
-)
-from vibroplat.hybrid.sliding import (
-    apply_sliding_chatter,
-    apply_sliding_event,
-    begin_sliding,
-    prepare_sliding_end,
-)
+from vibroplat.hybrid.modes import BARE, FLIGHT
+from vibroplat.hybrid.resets import apply_chatter, apply_reset, contact_mode, meet_guard, take_mode
+from vibroplat.hybrid.starts import close_piece, is_outside_model, last_end, prepare_consistent_start, start_callback
 from vibroplat.hybrid.state import (
     CONSISTENT,
-    DIFFERENTIATED,
     EVENT,
     FORCE_NOISE,
     NON_FINITE,
@@ -52,15 +32,13 @@ from vibroplat.hybrid.state import (
     Automaton,
     Steps,
     absolute_tolerances,
-    end_at,
     force_noise,
-    gather_unknowns,
     initial_state,
     state_scales,
 )
-from vibroplat.kernels.compiled import FloatArray, compiled, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.parameters import PARAMETERS
-from vibroplat.model.systems import DIFFERENTIAL, FULL_SIZE, GAP, GAP_RATE, PLACES, SIZES, SLIDES, systems
+from vibroplat.model.systems import GAP, GAP_RATE, gather, systems
 
 #: Events between two readings of their list. Where steps are read, an engine returns well before that: they are full.
 EVENT_ROWS = 2048
@@ -108,7 +86,7 @@ def beginning(
         runs["systems"][0, mode] = system.index
         runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
     begun = initial_state(scene) if state is None else state
-    runs["state"], runs["along"][:, : len(begun) - FULL_SIZE] = begun[:FULL_SIZE], begun[FULL_SIZE:]
+    runs["state"][:, : len(begun)] = begun
     runs["now"], runs["end"] = time, time + scene.run.duration_s
     runs["speed"] = speed = scene.speed_scale
     runs["period"] = period = TURN / speed
@@ -137,11 +115,10 @@ def first_mode(h: Automaton) -> None:
     elif run.state[GAP] > 0.0 or run.state[GAP_RATE] > 0.0:
         run.mode = FLIGHT
         run.zeros = 1 if run.state[GAP] == 0.0 else 0
-    elif run.systems[STICK] >= 0:
-        begin_sliding(h)
-    elif prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
-        run.mode = ATTACHED if contact_holds_at_start(h, ATTACHED) else FLIGHT
-        run.zeros = 2 if run.mode == FLIGHT else 0
+    else:
+        mode = contact_mode(h)
+        if mode >= 0:
+            take_mode(h, mode)
 
 
 @compiled
@@ -153,10 +130,7 @@ def begin_segment(h: Automaton) -> bool:
     run = h.run
     if run.accumulating == 1:  # the run was to stop at the impact before
         run.accumulating = 0
-        if run.systems[STICK] >= 0:
-            apply_sliding_chatter(h)
-        else:
-            apply_chatter(h)
+        apply_chatter(h)
         if run.outcome != RUNNING:
             return False
     if run.now >= run.end:  # the last event was at the very end
@@ -176,7 +150,7 @@ def begin_segment(h: Automaton) -> bool:
         whole = TURN * math.floor(run.state[3 + exciter] / TURN)
         run.state[3 + exciter] -= whole
         run.turns[exciter] += whole
-    gather_unknowns(run, run.systems[mode], run.y[mode])
+    gather(run.systems[mode], run.state, run.y[mode])
     left = run.end - run.now
     run.origin = run.now
     run.until = min(left, run.longest)
@@ -210,55 +184,3 @@ def end_segment(h: Automaton, stop: int) -> None:
         run.outcome = OUTSIDE_MODEL if is_outside_model(h) else NON_FINITE
     else:
         apply_reset(h)
-
-
-@inlined
-def meet_guard(h: Automaton, last: int) -> None:
-    """Let the last step end exactly where the guard falls."""
-    if SLIDES[h.run.systems[h.run.mode]]:
-        prepare_sliding_end(h)
-    elif h.run.mode == ATTACHED:
-        refine_liftoff_time(h)
-    else:
-        h.steps.ends[last, GAP] = 0.0  # the root is found to round-off
-
-
-@inlined
-def apply_reset(h: Automaton) -> None:
-    """Apply the reset of the mode whose guard has fallen."""
-    if SLIDES[h.run.systems[h.run.mode]]:
-        apply_sliding_event(h)
-    elif h.run.mode == ATTACHED:
-        apply_liftoff(h)
-    else:
-        apply_impact(h)
-
-
-@inlined
-def refine_liftoff_time(h: Automaton) -> None:
-    """Move the end of contact to where F_c by the algebra is 0.
-
-    The integrator finds the root of F_c as it interpolates it, which satisfies the equations only to its tolerance;
-    flight must begin without a force, or the gap begins with an acceleration.
-    """
-    run, steps = h.run, h.steps
-    system, last = run.systems[ATTACHED], steps.used.steps - 1
-    move_to(h, system, steps.ends[last])
-    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED):
-        return
-    force, rate = contact_force(h, ATTACHED)
-    shift = -force / rate if rate < 0.0 else 0.0
-    length = steps.length[last] + shift
-    if not may_shift(h, shift):
-        return
-    run.now += shift
-    for i in range(DIFFERENTIAL[system]):
-        run.state[PLACES[system, i]] += shift * (run.yp[ATTACHED, i] + 0.5 * shift * run.ypp[ATTACHED, i])
-    forget_starts(h)
-    # no better there
-    if not prepare_consistent_start(h, ATTACHED, DIFFERENTIATED) or abs(contact_force(h, ATTACHED)[0]) > abs(force):
-        run.outcome = RUNNING
-        run.now -= shift
-        move_to(h, system, steps.ends[last])
-        return
-    end_at(steps, last, length / steps.length[last], run.y[ATTACHED, : SIZES[system]])

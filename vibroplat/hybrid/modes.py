@@ -10,7 +10,8 @@ flight     the same, y_w1, y_w2 and rates       gap y_w1   impact: with a reboun
                                                            chatter is summed up: to attached or flight
 =========  ===================================  =========  ==========================================================
 
-With transport contact is stick, slip+ or slip−, each with two guards, linear forms of unknowns (:func:`guard_form`):
+With transport contact is stick, slip+ or slip−, each with two guards. All guards are linear forms of unknowns
+(:func:`guard_form`):
 
 =========  ===================================  =============================  ======================================
 mode       unknowns                             guards                         reset
@@ -37,7 +38,7 @@ import numpy as np
 from vibroplat.config.coordinates import Mode
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, SENSE, SYSTEMS
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, SENSE, STICKS, SYSTEMS
 
 # Modes as compiled code knows them. Integers of numpy: a function that is called with them is compiled once, not once
 # for each.
@@ -49,15 +50,11 @@ LIFTOFF, IMPACT, CHATTER, SUPPLY, SLIP, STOP, REVERSAL = _NUMBERS
 KINDS = ("liftoff", "impact", "chatter", "drive", "slip", "stick", "reversal")
 
 
-def _guard(mode: Mode, differential: int) -> int:
-    """Place of a mode's guard among its unknowns; −1 for none."""
-    return {Mode.BARE: -1, Mode.FLIGHT: GAP}.get(mode, differential)
-
-
-#: Guards by the number of the system; with transport the first unknown of the first guard.
-GUARDS = np.array([_guard(system.mode, system.differential) for system in SYSTEMS])
+#: Guards by the number of the system: their places among the unknowns, with transport that of the first unknown of the
+#: first guard; −1 for none.
+GUARDS = np.array([{Mode.BARE: -1, Mode.FLIGHT: GAP}.get(system.mode, system.differential) for system in SYSTEMS])
 #: How many guards a system has.
-COUNTS = np.array([1 + (system.slides and system.algebraic) for system in SYSTEMS])
+COUNTS = np.array([(system.layers > 0) + (system.slides and system.algebraic) for system in SYSTEMS])
 #: Modes by the number of the system.
 MODES = np.array([int(system.mode) for system in SYSTEMS])
 
@@ -68,14 +65,14 @@ Form = tuple[int, float, int, float]
 
 @compiled
 def guard_form(system: int, which: int, p: Parameters) -> Form:
-    """Return a guard of a system with transport as a linear form.
+    """Return a guard of a system with material as a linear form.
 
     On a smooth deck slip has no sense, and the form of its rate is 0.
     """
     force, sense = DIFFERENTIAL[system], SENSE[system]
     if not ALGEBRAIC[system]:
         return GAP, 1.0, GAP, 0.0
-    if sense == 0.0:
+    if STICKS[system]:
         return force, p.static_friction, force + 1, -1.0 if which == 0 else 1.0
     if which == 0:
         return force, 1.0, force, 0.0
@@ -84,6 +81,6 @@ def guard_form(system: int, which: int, p: Parameters) -> Form:
 
 @inlined
 def guard_value(system: int, which: int, y: FloatArray, p: Parameters) -> float:
-    """Evaluate a guard of a system with transport."""
+    """Evaluate a guard of a system with material."""
     first, weight, second, other = guard_form(system, which, p)
     return weight * y[first] + other * y[second]

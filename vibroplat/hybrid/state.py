@@ -24,17 +24,7 @@ from vibroplat.config.sections import Initial
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
-from vibroplat.model.systems import (
-    ALGEBRAIC,
-    DIFFERENTIAL,
-    FULL_SIZE,
-    MOVING_SIZE,
-    PLACES,
-    SENSE,
-    SLIDES,
-    UNKNOWNS,
-    System,
-)
+from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE, UNKNOWNS, System
 
 #: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
@@ -169,8 +159,7 @@ RUN = np.dtype(
         ("events", np.int64),  # rows in the event list
         ("unread", np.int64),  # 0: somebody reads the steps; else they may be left out, and segments are counted from 1
         ("restarts", np.int64),
-        ("state", np.float64, FULL_SIZE),  # full state
-        ("along", np.float64, 2),  # place of the material along the deck, and its rate
+        ("state", np.float64, MOVING_SIZE),  # full state; without transport its last two numbers are 0
         ("turns", np.float64, 2),  # whole turns taken off its exciter angles (rad)
         ("atol", np.float64, UNKNOWNS),  # absolute tolerances of the segment's unknowns
         ("systems", np.int64, MODES),  # number of the system of each mode; −1 for a mode that the scene does not have
@@ -204,29 +193,6 @@ EVENT = np.dtype(
 )
 
 
-@compiled
-def gather_unknowns(run: Any, system: int, y: FloatArray) -> None:
-    """Fill the differential unknowns of a system from the present state."""
-    for i in range(DIFFERENTIAL[system]):
-        place = PLACES[system, i]
-        y[i] = run.state[place] if place < FULL_SIZE else run.along[place - FULL_SIZE]
-
-
-@compiled
-def scatter_unknowns(run: Any, system: int, y: FloatArray) -> None:
-    """Make a system's unknowns the present state; what the system does not have is 0."""
-    for i in range(FULL_SIZE):
-        run.state[i] = 0.0
-    for i in range(DIFFERENTIAL[system]):
-        place = PLACES[system, i]
-        if place < FULL_SIZE:
-            run.state[place] = y[i]
-        else:
-            run.along[place - FULL_SIZE] = y[i]
-    if SLIDES[system] and ALGEBRAIC[system] and SENSE[system] == 0.0:
-        run.along[1] = 0.0  # stick, but for round-off
-
-
 class Automaton(NamedTuple):
     """A run of the hybrid automaton."""
 
@@ -235,7 +201,7 @@ class Automaton(NamedTuple):
     recent: FloatArray  # times of the last restarts (s), as many as may lie within a period
     events: npt.NDArray[np.void]  # since the list was read, records of EVENT
     steps: Steps  # since they were read
-    start: int  # address of :func:`vibroplat.hybrid.resets.start_callback`
+    start: int  # address of :func:`vibroplat.hybrid.starts.start_callback`
     parameters: int  # address of p
 
 

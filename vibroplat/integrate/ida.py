@@ -16,16 +16,16 @@ from numba import carray  # type: ignore[attr-defined]
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS, Form, guard_form
-from vibroplat.hybrid.resets import cut_piece
+from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, end_at, rewind
 from vibroplat.integrate.multistep import (
     PreviousStep,
     add_step,
-    any_stop,
     begin_steps,
     empty_step,
     limit_force_slopes,
     prepare_first_step,
+    stop_within,
 )
 from vibroplat.kernels.compiled import (
     FloatArray,
@@ -303,7 +303,7 @@ def advance(h: Automaton, n: Native) -> int:
         else:
             dips = guard >= 0 and (y[guard] < 0.0 or c[row, 1, guard] < 0.0 < yp[guard])
         if root_found or y[3] >= target or dips:
-            stop = end_within(h, root_found, inside, y, yp)
+            stop = end_within(h, root_found, inside, y)
             if stop >= 0:
                 return stop
         if ended:
@@ -320,12 +320,11 @@ def advance(h: Automaton, n: Native) -> int:
 
 
 @compiled
-def end_within(h: Automaton, root_found: bool, inside: Inside, y: FloatArray, yp: FloatArray) -> int:
+def end_within(h: Automaton, root_found: bool, inside: Inside, y: FloatArray) -> int:
     """Shorten the last step to a falling guard or to the target of exciter 1: AT_GUARD, AT_TARGET, or −1."""
     run, steps = h.run, h.steps
     target, row = run.target - run.turns[0], steps.used.steps - 1
-    system = run.systems[run.mode]
-    stop, share = any_stop(h, GUARDS[system], root_found, target, y, yp)
+    stop, share = stop_within(h, root_found, target, y)
     if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
         # the integrator's polynomial is smooth where slopes at the ends of a step carry errors of a stiff layer
         interpolate_at(steps.start[row] + share * steps.length[row], inside)

@@ -20,7 +20,7 @@ import numpy as np
 
 from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
-from vibroplat.hybrid.resets import cut_piece
+from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.group import Group, is_due, keeps
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, put_polynomials
@@ -43,7 +43,8 @@ from vibroplat.kernels.vectors import (
     zero,
 )
 from vibroplat.model.series import ALONG, FORCE, FRICTION, WORDS, expand
-from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SENSE
+from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SENSE, STICKS
+from vibroplat.model.systems import ALONG as PLACE
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
 MAX_DEFECT = 5.0
@@ -130,9 +131,8 @@ def start_moving(h: Automaton, g: Group, lane: int, moving: Any) -> None:
     run, s = h.run, g.lanes
     system = run.systems[run.mode]
     if moving is not None:
-        s.y[ALONG, lane], s.v[ALONG, lane] = run.along[0], run.along[1]
-        s.attached[lane] = 0.0
-        s.stuck[lane] = 1.0 if ALGEBRAIC[system] and SENSE[system] == 0.0 else 0.0
+        s.y[ALONG, lane], s.v[ALONG, lane] = run.state[PLACE], run.state[PLACE + 1]
+        s.stuck[lane] = 1.0 if STICKS[system] else 0.0
         s.sliding[lane] = h.p.kinetic_friction * SENSE[system]
         s.slope[lane], s.height[lane], s.share[lane] = h.p.slope, h.p.deck_height, h.p.material_share
 

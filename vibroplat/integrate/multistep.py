@@ -7,17 +7,17 @@ both ends of a step is as accurate as those ends (``python -m pytest tests/integ
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET
 from vibroplat.hybrid.modes import COUNTS, FLIGHT, guard_form
-from vibroplat.hybrid.resets import derivatives, prepare_consistent_start
-from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, Steps, end_at, halvings
+from vibroplat.hybrid.starts import derivatives, prepare_consistent_start
+from vibroplat.hybrid.state import CUBIC, CUT, DIFFERENTIATED, ROUND_OFF, Automaton, end_at, halvings
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, inlined
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, slope, values
-from vibroplat.model.systems import DIFFERENTIAL, GAP, SENSE, SIZES, SLIDES, UNKNOWNS
+from vibroplat.model.systems import ALONG_RATE, DIFFERENTIAL, GAP, SENSE, SIZES, SLIDES, UNKNOWNS
 
 #: First step over the time until the gap closes again, by its Taylor polynomial.
 FIRST_STEP_RATIO = 0.05
@@ -85,23 +85,20 @@ def add_step(
 
 @compiled
 def transcribe(
-    steps: Steps,
+    h: Automaton,
     past: PreviousStep,
     t: FloatArray,
     y: FloatArray,
     yp: FloatArray,
-    guard: int,
     at_guard: bool,
     target: float,
-    h: Any,
 ) -> int:
     """Add steps by their ends, up to where a guard first falls through zero or exciter 1 has an angle.
 
-    The guard is its index among the unknowns, −1 for none; ``at_guard`` says whether the integrator has found a fall
-    itself, at the last end. The angle (rad) is nan for none. With transport ``h`` is the automaton, otherwise None.
+    ``at_guard`` says whether the integrator has found a fall itself, at the last end. The angle (rad) is nan for none.
     Returns AT_GUARD for a fall that the integrator has not found, AT_TARGET for the angle, −1 if all ends were added.
     """
-    end, full, slopes = np.empty(y.shape[1]), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
+    steps, end, full, slopes = h.steps, np.empty(y.shape[1]), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS)
     for k in range(t.size):
         copy(y[k], full)
         copy(yp[k], slopes)
@@ -109,12 +106,8 @@ def transcribe(
         add_step(t[k], full, slopes, row, steps.start, steps.length, steps.c, steps.ends, past.t, past.y, past.yp)
         steps.used.steps = row + 1
         root_found = at_guard and k == t.size - 1
-        if h is not None:
-            stop, share = any_stop(h, guard, root_found, target, y[k], yp[k])
-        else:
-            stop, share = stop_within(steps, guard, root_found, target, y[k], yp[k])
+        stop, share = stop_within(h, root_found, target, y[k])
         if stop == AT_TARGET or (stop == AT_GUARD and not root_found):
-            row = steps.used.steps - 1
             values(steps.c[row], CUBIC, share, end)
             if stop == AT_TARGET:
                 end[3] = target
@@ -124,53 +117,21 @@ def transcribe(
 
 
 @compiled
-def stop_within(
-    steps: Steps, guard: int, root_found: bool, target: float, y: FloatArray, yp: FloatArray
-) -> tuple[int, float]:
+def stop_within(h: Automaton, root_found: bool, target: float, y: FloatArray) -> tuple[int, float]:
     """Why a segment ends within its last step, AT_GUARD or AT_TARGET, and at which fraction; −1 if it does not.
 
-    ``root_found`` says whether the integrator has found the guard's fall itself, at the end of the step; y and y′ are
-    those there. Steps are short against the guard's changes, and rates of F_c carry the errors of a stiff layer: a step
-    is looked into where the guard ends below zero, or falls at its beginning and rises at its end.
+    ``root_found`` says whether the integrator has found a guard's fall itself, at the end of the step with unknowns y;
+    ``run.fallen`` says which guard it is. Steps are short against the guards' changes, and rates of F_c carry the
+    errors of a stiff layer: a step is looked into where a guard ends below zero, or falls at its beginning and rises at
+    its end.
+
+    A rate of slip begins with 0, and may be below it by an error: with transport a guard can fall only after it has
+    risen, be that in the segment's first step.
     """
-    c = steps.c[steps.used.steps - 1]
-    passed, fall = np.inf, 1.0 if root_found else np.inf
-    if y[3] >= target:
-        passed = crossing(c, CUBIC, 3, target, y[3])
-    if (
-        guard >= 0
-        and not root_found
-        and (y[guard] < 0.0 or (yp[guard] > 0.0 and c[1, guard] < 0.0 < slope(c, CUBIC, guard, 1.0)))
-    ):
-        share = first_downcrossing(c, CUBIC, guard, 0)
-        fall = share if share >= 0.0 else np.inf
-    if passed < fall:
-        return AT_TARGET, passed
-    return (AT_GUARD, fall) if fall <= 1.0 else (-1, 1.0)
-
-
-@inlined
-def any_stop(
-    h: Automaton, guard: int, root_found: bool, target: float, y: FloatArray, yp: FloatArray
-) -> tuple[int, float]:
-    """Do as :func:`stop_within` for the guards of the present system, whatever their number."""
-    if SLIDES[h.run.systems[h.run.mode]]:
-        return sliding_stop(h, root_found, target, y)
-    return stop_within(h.steps, guard, root_found, target, y, yp)
-
-
-@compiled
-def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -> tuple[int, float]:
-    """Do as :func:`stop_within` for the guards of contact with friction; ``run.fallen`` says which has fallen.
-
-    A rate of slip begins with 0, and may be below it by an error: a guard can fall only after it has risen, be that
-    in the segment's first step.
-    """
-    run, steps = h.run, h.steps
-    c, system = steps.c[steps.used.steps - 1], run.systems[run.mode]
-    form, fall, least = np.empty((CUBIC + 1, 1)), np.inf, np.inf
+    run, steps, row = h.run, h.steps, h.steps.used.steps - 1
+    c, system, begins = steps.c[row], run.systems[run.mode], steps.start[row] == 0.0
+    form, fall, least, slides = np.empty((CUBIC + 1, 1)), np.inf, np.inf, SLIDES[system]
     passed = crossing(c, CUBIC, 3, target, y[3]) if y[3] >= target else np.inf
-    begins = steps.start[steps.used.steps - 1] == 0.0
     for which in range(COUNTS[system]):
         first, weight, second, other = guard_form(system, which, h.p)
         for k in range(CUBIC + 1):
@@ -178,12 +139,14 @@ def sliding_stop(h: Automaton, root_found: bool, target: float, y: FloatArray) -
         end = weight * y[first] + other * y[second]
         if root_found:
             size = abs(end) / (abs(form[0, 0]) + abs(form[1, 0]) + abs(form[2, 0]))
-            if size < least:
+            if not size >= least:
                 least, fall, run.fallen = size, 1.0, which
-        elif (form[0, 0] > 0.0 or begins) and (end < 0.0 or form[1, 0] < 0.0 < slope(form, CUBIC, 0, 1.0)):
+        elif end < 0.0 or form[1, 0] < 0.0 < slope(form, CUBIC, 0, 1.0):
+            if slides and not (form[0, 0] > 0.0 or begins):
+                continue
             zeros = run.zeros if which == 0 else run.other_zeros
-            share = first_downcrossing(form, CUBIC, 0, zeros if begins else 0)
-            if 0.0 < share < fall:
+            share = first_downcrossing(form, CUBIC, 0, zeros if slides and begins else 0)
+            if 0.0 <= share < fall and not (slides and share == 0.0):
                 fall, run.fallen = share, which
     if passed < fall:
         return AT_TARGET, passed
@@ -254,7 +217,7 @@ def prepare_first_step(h: Automaton) -> float:
         tighter = 2.0 ** -halvings(run.tolerance, height, run.gap_scale, sure)
         run.atol[GAP] *= tighter * tighter
         run.atol[size // 2 + GAP] *= tighter
-    elif SENSE[run.systems[mode]] != 0.0 and run.along[1] == 0.0:
+    elif SENSE[run.systems[mode]] != 0.0 and run.state[ALONG_RATE] == 0.0:
         step = min(step, FIRST_STEP_RATIO * expected_slip(h, 1e-3 * step))
     step = min(step, curvature_step(run.ypp[mode, :size], run.atol[:size]))
     return max(step, ROUND_OFF * run.period)

@@ -18,8 +18,8 @@ from sksundae.ida import IDA
 
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin_segment, end_segment
-from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_value
-from vibroplat.hybrid.resets import cut_piece
+from vibroplat.hybrid.modes import COUNTS, guard_value
+from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
 from vibroplat.integrate.interface import WORK
 from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
@@ -128,10 +128,7 @@ class SundaeEngine:
         system, ends, room = SYSTEMS[h.run["systems"][h.run["mode"]]], self._pending, self.rows - MARGIN
         target = float(h.run["target"] - h.run["turns"][0])
         root_found = ends.stop == AT_GUARD and len(ends.t) <= room
-        taken = (ends.t[:room], ends.y[:room], ends.yp[:room])
-        stop = transcribe(
-            h.steps, self._past, *taken, int(GUARDS[system.index]), root_found, target, h if system.slides else None
-        )
+        stop = transcribe(h, self._past, ends.t[:room], ends.y[:room], ends.yp[:room], root_found, target)
         cut = stop < 0 and len(ends.t) > room
         if system.algebraic:
             limit_force_slopes(h, cut)
@@ -198,8 +195,7 @@ class SundaeEngine:
         key = (system.index, atol.tobytes(), first_step)
         if key in self._integrators:
             return self._integrators[key]
-        p, budget, number, index = self._p, self._budget, system.index, int(GUARDS[system.index])
-        count = int(COUNTS[system.index])
+        p, budget, number, count = self._p, self._budget, system.index, int(COUNTS[system.index])
 
         def residual(t: float, y: FloatArray, yp: FloatArray, res: FloatArray) -> None:
             if not fill_residual(number, budget.origin + t, y, yp, res, p):
@@ -211,7 +207,7 @@ class SundaeEngine:
 
         def guard(t: float, y: FloatArray, yp: FloatArray, events: FloatArray) -> None:
             for which in range(count):
-                events[which] = guard_value(number, which, y, p) if system.slides else y[index]
+                events[which] = guard_value(number, which, y, p)
 
         guard.terminal, guard.direction = [True] * count, [-1] * count  # type: ignore[attr-defined]
         options: dict[str, Any] = {
@@ -223,9 +219,9 @@ class SundaeEngine:
         }
         if system.algebraic:
             options["algebraic_idx"] = [*range(system.differential, system.size)]
-        if index >= 0:
+        if count:
             options |= {"eventsfn": guard, "num_events": count}
-        self._integrators[key] = IDA(residual, **options), guard if index >= 0 else None
+        self._integrators[key] = IDA(residual, **options), guard if count else None
         return self._integrators[key]
 
 

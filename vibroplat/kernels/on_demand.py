@@ -8,6 +8,9 @@ from typing import Any, ParamSpec, TypeVar
 P = ParamSpec("P")
 T = TypeVar("T")
 
+#: All that write kernels, as far as their modules have been imported.
+WRITERS: list[Callable[[], str]] = []
+
 
 def written(write: Callable[[], str]) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Let a kernel that other kernels call be what a function writes; the one below gives its arguments alone.
@@ -17,6 +20,7 @@ def written(write: Callable[[], str]) -> Callable[[Callable[P, T]], Callable[P, 
 
     def mark(function: Callable[P, T]) -> Callable[P, T]:
         function.write = write  # type: ignore[attr-defined]
+        WRITERS.append(write)
         return function
 
     return mark

@@ -13,17 +13,18 @@ from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.model.equations import dynamic_jacobian, finite, loads, mass_matrix, rates_of_rows
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import compliance, is_definite, mobility, solve_rows, unbalances
-from vibroplat.model.sliding import solve_sliding
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, LAYERS, SIZES, SLIDES, UPPER, gather
+from vibroplat.model.sliding import add_friction, law, response
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, LAYERS, SENSE, SIZES, SLIDES, STICKS, UPPER, gather
 
 
 @inlined
 def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
     """Solve (∂F/∂z) z = b for accelerations and forces of contact.
 
-    Attached, the lower layer's row m_w1 ÿ − F_c = b is added to the platform's row of y, which leaves a platform whose
-    mass there is M + m_w1. Of the unknowns ``y`` coordinates are read. From place n on ``z``, shape (size,), holds the
-    right-hand sides of the dynamic rows, in the order of the rows, and is left with accelerations and forces.
+    In contact, the lower layer's row m_w1 ÿ − F_c = b is added to the platform's row of y, which leaves a platform
+    whose mass there is M + m_w1; with transport friction is added to that. Of the unknowns ``y`` coordinates are read.
+    From place n on ``z``, shape (size,), holds the right-hand sides of the dynamic rows, in the order of the rows, and
+    is left with accelerations and forces.
     """
     n, layers, attached = DIFFERENTIAL[system] // 2, LAYERS[system], ALGEBRAIC[system]
     first, second = unbalances(y, p)
@@ -33,13 +34,19 @@ def solve(system: int, y: FloatArray, z: FloatArray, p: Parameters) -> None:
     if layers == 2:
         upper = z[n + UPPER[system]]
     b = (z[n], z[n + 1], z[n + 2], z[n + 3], z[n + 4])
-    if SLIDES[system]:
-        solve_sliding(system, b, lower, upper, z, first, second, p)
-        return
     held = 1.0 if attached else 0.0
     inverse = compliance(first, second, mobility(held, p), p)
     share = 1.0 / p.lower_mass if layers > 0 else 0.0 * p.lower_mass
-    a, contact, opening, upper = solve_rows(held, share, b, lower, upper, inverse, p)
+    solution = solve_rows(held, share, b, lower, upper, inverse, p)
+    if SLIDES[system]:
+        r = response(inverse, p.deck_height, held * p.lower_mass, p.material_share)
+        friction_law = law(1.0 if STICKS[system] else 0.0, p.kinetic_friction * SENSE[system], r)
+        along = z[2 * n - 1] * p.material_share
+        solution, slip, friction = add_friction(solution, along, p.deck_height, held, r, friction_law)
+        z[2 * n - 1] = 0.0 if STICKS[system] else slip
+        if attached:
+            z[2 * n + 1] = friction
+    a, contact, opening, upper = solution
     for i in range(5):
         z[n + i] = a[i]
     if layers == 2:
@@ -120,26 +127,11 @@ def linearize(
 @compiled
 def platform_accelerations(system: int, times: FloatArray, states: FloatArray, p: Parameters) -> FloatArray:
     """Accelerations of x, y, φ at times (s) and full states of a system, shape (n, 3); nan where there are none."""
-    found = np.empty((times.size, 3))
-    y = np.empty(DIFFERENTIAL[system])
+    found, n = np.empty((times.size, 3)), DIFFERENTIAL[system] // 2
+    y, yp = np.empty(SIZES[system]), np.empty(SIZES[system])
     for k in range(times.size):
         gather(system, states[k], y)
-        found[k] = explicit(system, times[k], y, p)[y.size // 2 : y.size // 2 + 3]
+        found[k] = np.nan
+        if accelerations(system, times[k], y, yp, p):
+            found[k] = yp[n : n + 3]
     return found
-
-
-@compiled
-def explicit(system: int, t: float, y: FloatArray, p: Parameters) -> FloatArray:
-    """Return y′ of the differential unknowns and, attached, F_c behind it; nan where there are none.
-
-    This is what solvers of ordinary differential equations ask for.
-    """
-    size = y.size + 1 if ALGEBRAIC[system] else y.size
-    unknowns, rates = np.empty(SIZES[system]), np.empty(SIZES[system])
-    for i in range(y.size):
-        unknowns[i] = y[i]
-    if not accelerations(system, t, unknowns, rates, p):
-        rates[:] = np.nan
-    elif ALGEBRAIC[system]:
-        rates[y.size] = unknowns[y.size]
-    return rates[:size]

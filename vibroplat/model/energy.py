@@ -15,12 +15,12 @@ from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlin
 from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.sines import sine_cosine
 from vibroplat.kernels.vectors import Lanes, size, some, zero
-from vibroplat.model import straight
+from vibroplat.model import balances
 from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import Three, inertial, unbalance
-from vibroplat.model.springs import DAMPERS, slopes
-from vibroplat.model.systems import ALGEBRAIC, GAP, LAYERS, UPPER
+from vibroplat.model.platform import Three, inertial, unbalance, unbalances
+from vibroplat.model.springs import CURVED_FORCE, DAMPERS, slopes
+from vibroplat.model.systems import ALGEBRAIC, ALONG, ALONG_RATE, GAP, LAYERS, UPPER
 
 #: Powers in the order of :func:`powers`; those of motor and truncation feed the system, the dissipations
 #: after them take from it.
@@ -66,17 +66,21 @@ def powers(exciters: Three, means: FloatArray, n: int, system: int, out: FloatAr
     exciters
         Means of the powers of motors less what the platform takes of them, of truncation and resistance.
     means
-        Means of the unknowns, of their squares and of their sizes, shape (3, 2n or more).
+        Means of the unknowns, of their squares, of their sizes, of products, and
+        :func:`vibroplat.model.springs.curved_means`, shape (5, 2n or more).
     """
     squares, sizes, (stiffness, damping), layers = means[1], means[2], slopes(p), LAYERS[system]
     gap = damping[3] * squares[n + GAP] if layers > 0 and not ALGEBRAIC[system] else 0.0
     upper = p.upper_mass * damping[4] * squares[n + UPPER[system]] if layers == 2 else 0.0
     taken = damping[0] * squares[n], damping[1] * squares[n + 1], damping[2] * squares[n + 2], gap, upper
+    shares = 1.0, 1.0, 1.0, 1.0, p.upper_mass
     out[0], out[1], out[FORCE - 1] = exciters
     for i in range(len(_DAMPED)):
-        out[DISSIPATIONS + i] = taken[_DAMPED[i]]
+        place = _DAMPED[i]
+        out[DISSIPATIONS + i] = taken[place] + shares[place] * means[4, place]
     weight = p.gravity * (p.mass + p.lower_mass + p.upper_mass)
-    out[FORCE] = -stiffness[1] * means[0, 1] - damping[1] * means[0, n + 1] - weight
+    resisting = stiffness[1] * means[0, 1] + damping[1] * means[0, n + 1] + means[4, CURVED_FORCE + 1]
+    out[FORCE] = -resisting - weight
     out[FORCE_SIZE] = stiffness[1] * sizes[1] + damping[1] * sizes[n + 1] + weight
 
 
@@ -103,25 +107,36 @@ def inertia_product(state: FloatArray, u: FloatArray, v: FloatArray, p: Paramete
 
 
 @inlined
-@written(straight.elastic)
+@written(balances.elastic)
 def elastic(state: FloatArray, p: Parameters) -> float:  # type: ignore[empty-body]
     """Evaluate the energy in the springs at a full state (J)."""
 
 
 @compiled
-def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float]:
+def energies(state: FloatArray, p: Parameters) -> tuple[float, float, float, float, float, float]:
     """Return kinetic and elastic energy, that in gravity (J), vertical momentum and the unbalances' momenta (N·s).
 
-    The last number is the sum of the sizes of both unbalances' momenta beside their axes; only forces from outside
-    change the vertical momentum.
+    The fifth number is the sum of the sizes of both unbalances' momenta beside their axes; only forces from outside
+    change the vertical momentum. With transport, where the full state has 16 numbers, the last one is the momentum
+    along the deck of machine and material, otherwise 0.
     """
     lower, upward = state[1] + state[5], np.zeros(7)
+    first, second = unbalances(state, p)
     heights = p.mass * state[1] + p.lower_mass * lower + p.upper_mass * (lower + state[6])
     upward[1] = 1.0
+    kinetic, gravity = 0.5 * inertia_product(state, state[7:], state[7:], p), p.gravity * (heights - first.x - second.x)
+    along = 0.0
+    if p.material_mass > 0.0:
+        rate = state[7] - p.deck_height * state[9] + state[ALONG_RATE]
+        places = p.mass * state[0] + p.material_mass * (state[0] - p.deck_height * state[2] + state[ALONG])
+        kinetic += 0.5 * p.material_mass * rate * rate
+        gravity -= p.slope * (places + first.y + second.y)
+        along = p.mass * state[7] + first.x * state[10] + second.x * state[11] + p.material_mass * rate
     return (
-        0.5 * inertia_product(state, state[7:], state[7:], p),
+        kinetic,
         elastic(state, p),
-        p.gravity * (heights - unbalance(0, state, p).x - unbalance(1, state, p).x),
+        gravity,
         inertia_product(state, upward, state[7:], p),
         p.unbalance[0] * abs(state[10]) + p.unbalance[1] * abs(state[11]),
+        along,
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
+from operator import add, mul, neg, sub
 from types import FrameType
 from typing import Any
 
@@ -210,16 +211,13 @@ def _numbers(n: Node, x: list[Node]) -> Node:
     return _again(n, x)
 
 
+_OPERATORS: dict[str, Callable[..., Node]] = {"sum": add, "difference": sub, "product": mul, "negative": neg}
+
+
 def _again(n: Node, x: list[Node]) -> Node:
     """Make a node anew from other parts."""
-    if n.op == "sum":
-        return x[0] + x[1]
-    if n.op == "difference":
-        return x[0] - x[1]
-    if n.op == "product":
-        return x[0] * x[1]
-    if n.op == "negative":
-        return -x[0]
+    if n.op in _OPERATORS:
+        return _OPERATORS[n.op](*x)
     if n.op == "quotient":
         return x[0] * node("inverse", x[1])
     return node(n.op, *x) if x else n

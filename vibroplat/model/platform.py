@@ -27,6 +27,9 @@ Three = tuple[float, float, float]
 #: One number for each of x, y, φ, φ₁, φ₂.
 Five = tuple[float, float, float, float, float]
 
+#: What :func:`solve_rows` finds: accelerations of platform and exciters, F_c, accelerations of the gap and of y_w2.
+Solution = tuple[Five, float, float, float]
+
 
 class Unbalance(NamedTuple):
     """How an unbalance couples its angle with the platform: its column of the mass matrix."""
@@ -128,7 +131,7 @@ def mobility(attached: float, p: Parameters) -> Three:
 @fused_inline
 def solve_rows(
     attached: float, lower_share: float, b: Five, lower: float, upper: float, inverse: Compliance, p: Parameters
-) -> tuple[Five, float, float, float]:
+) -> Solution:
     """Solve the dynamic rows for accelerations and F_c.
 
     Parameters

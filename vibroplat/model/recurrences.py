@@ -11,20 +11,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
+from textwrap import indent
 from types import SimpleNamespace
 
-from vibroplat.model.graph import HELD, MOVING, ONE, ZERO, Node, in_order, labelled, local, node, symbol, total
-from vibroplat.model.source import P, Rows, equations, unknowns
+from vibroplat.model.graph import HELD, MOVING, ONE, ZERO, Node, in_order, local, node, symbol, total
+from vibroplat.model.source import P, Rows
+from vibroplat.model.straight import FRICTION, traced
 
 #: How many series of both exciters, and of the platform, may be factors of products.
 PAIRS, SINGLES = 12, 10
 
-_HEAD = """
+#: The kernel, with places for what is written: statements before the loop over orders, and inside of it.
+_KERNEL = """
 from vibroplat.kernels.sines import sincos_pair
 from vibroplat.kernels.vectors import align_stack, at, four, join, part, select, some, total, zero
 from vibroplat.model.motor import both, sense_of
 from vibroplat.model.platform import compliance, couplings, mobility, solve_rows
-from vibroplat.model.series import SHARE, begin_along, put_along, touched
+from vibroplat.model.series import SHARE
+from vibroplat.model.sliding import add_friction, law, response
 
 
 def {name}(motion, degree, room, p):
@@ -44,63 +49,64 @@ def {name}(motion, degree, room, p):
     sine_next, cosine_next, sine_1, cosine_1, speed_0 = sine_first, cosine_first, zero(v_angle), zero(v_angle), v_angle
     # rows are stored as they are loaded: a part of a row must else leave the processor before the whole comes back
     quads[0, 0], quads[1, 0] = four(q_x, q_y, q_phi, y[3]), four(v_x, v_y, v_phi, v[3])
-"""
-_HEAD_ALONG = """    q_along, v_along, reply, contact_law = begin_along(motion, inverse)
-    slope, height, material = motion.slope, motion.height, 1.0 / motion.share
-    a_along = friction = none
-"""
-_TURN = """
+{begin_along}{before}
+    twice = 1.0
+    {sine}[0], {cosine}[0], {sine}[1], {cosine}[1] = sine_0, cosine_0, sine_first, cosine_first
+    for k in range(degree - 1):
+{loops}
         share, order = SHARE[at(k + 1)], k + 1.0
         twofold = share * SHARE[at(k + 2)]
         sine_2 = order * (turned_s + cosine_1 * v_angle + cosine_next * speed_0)
         cosine_2 = -order * (turned_c + sine_1 * v_angle + sine_next * speed_0)
-"""
-_SOLVE = """
+{lines}
         b_3, b_4 = part(-{angle})
         b = (-{x}, -{y}, -{phi}, b_3, b_4)
         lower, above = -{gap}, -{upper}
-        free = solve_rows(attached, motion.lower_share, b, lower, above, inverse, p)
-"""
-_PLAIN = """        a, contact, opening, above = free
+        solution = solve_rows(attached, motion.lower_share, b, lower, above, inverse, p)
+{slide}        a, contact, opening, above = solution
         force = attached * contact
-"""
-_ALONG = """        free_along = -{along} * motion.share
-        a, force, opening, above, a_along, friction = touched(free, above, free_along, motion, reply, contact_law)
-        put_along(quads, k, q_along, v_along * share, friction)
-        q_along, v_along = v_along * share, a_along * share
-"""
-_NEXT = """        a_x, a_y, a_phi, a_angle = a[0], a[1], a[2], join(a[3], a[4])
+        a_x, a_y, a_phi, a_angle = a[0], a[1], a[2], join(a[3], a[4])
         a_gap, a_upper = flying * opening, two * above
         quads[at(k), 1] = four(second, q_gap, q_upper, force)
         quads[at(k + 2), 0] = four(a[0], a[1], a[2], a[3]) * twofold
-"""
-_ADVANCE = """        q_x, q_y, q_phi = v_x * share, v_y * share, v_phi * share
+{stores}
+        q_x, q_y, q_phi = v_x * share, v_y * share, v_phi * share
         q_gap, q_upper = v_gap * share, v_upper * share
         v_x, v_y, v_phi, v_angle = a_x * share, a_y * share, a_phi * share, a_angle * share
         v_gap, v_upper = a_gap * share, a_upper * share
         second, following = following, a[4] * twofold
         sine_next, cosine_next = (sine_2 + cosine_0 * a_angle) * twofold, (cosine_2 - sine_0 * a_angle) * twofold
         sine_1, cosine_1 = sine_first, cosine_first
-"""
-_END = """    share = SHARE[at(degree)]
+        {sine}[at(k + 2)], {cosine}[at(k + 2)] = sine_next, cosine_next
+{ends}
+        twice = 2.0
+    share = SHARE[at(degree)]
     quads[at(degree - 1), 1] = four(second, q_gap, q_upper, none)
     quads[at(degree), 1] = four(following, v_gap * share, v_upper * share, none)
+{end_along}"""
+#: What transport adds before the loop, in it and behind it: s and F_t.
+_BEGIN_ALONG = """    q_along, v_along = motion.y[8], motion.v[8]
+    slope, height, material = motion.slope, motion.height, 1.0 / motion.share
+    reply = response(inverse, height, attached * p.lower_mass, motion.share)
+    friction_law = law(motion.stuck, motion.sliding, reply)
+    a_along = friction = none
+"""
+_SLIDE = """        free_along = -{along} * motion.share
+        solution, a_along, friction = add_friction(solution, free_along, height, attached, reply, friction_law)
+        a_along = (1.0 - motion.stuck) * a_along
+        quads[at(k), 2], q_along = four(q_along, friction, none, none), v_along * share
+        quads[at(k + 1), 2], v_along = four(q_along, none, none, none), a_along * share
+"""
+_END_ALONG = """    quads[at(degree - 1), 2] = four(q_along, none, none, none)
+    quads[at(degree), 2] = four(v_along * share, none, none, none)
 """
 
-
+#: What transport has of the parameters, by their names in the texts.
+_LOCALS = ("slope", "height", "material")
 #: Names that the texts use otherwise.
 _TAKEN = """y v p a b k j i m s c w n order share twofold twice free second following lower above contact opening
 inverse elapsed slope height material room motion speed sine cosine friction force none quads degree reply attached
-flying two"""
-
-
-def traced(*, transport: bool) -> tuple[Rows, Node]:
-    """Trace the equations, with transport or without, and the angles."""
-    q, v, a = unknowns("q"), unknowns("v"), unknowns("a")
-    absent = {"slope": ZERO, "deck_height": ZERO, "material_mass": ZERO}
-    along = {"slope": local("slope"), "deck_height": local("height"), "material_mass": local("material")}
-    p = SimpleNamespace(**vars(P) | (along if transport else absent))
-    return labelled(equations, q, v, a, symbol("force"), symbol("friction") if transport else ZERO, p), q.angle
+flying two solution"""
 
 
 class Writer:
@@ -384,50 +390,26 @@ def _joined(n: Node, texts: list[str]) -> str:
 
 def series(*, transport: bool) -> str:
     """Write the kernel that expands motions, with transport or without."""
-    w = Writer(*traced(transport=transport))
+    names = ("slope", "deck_height", "material_mass")
+    along = {name: local(short) if transport else ZERO for name, short in zip(names, _LOCALS, strict=True)}
+    rows, found = traced(SimpleNamespace(**vars(P) | along), FRICTION if transport else ZERO)
+    w = Writer(rows, found["q_angle"])
     known = {name: _within(w.known(row) or "none") for name, row in w.rows.items()}
     stores = [*w.stores()]
-    sine, cosine = w.slots[w.sine], w.slots[w.cosine]
     ahead = [f"{slot}[at(k + 1)] = {n.args[0]}" for n, slot in w.slots.items() if n.op == "symbol" and w.is_early(n)]
-
-    def inside(*lines: str, depth: int = 2) -> str:
-        return "".join(f"{'    ' * depth}{line}\n" for line in lines)
-
-    return "".join(
-        [
-            _HEAD.format(name="expand_along" if transport else "expand_plain"),
-            _HEAD_ALONG if transport else "",
-            inside(*(f"{name} = {text}" for name, text in w.before.items()), "twice = 1.0", depth=1),
-            inside(
-                f"{sine}[0], {cosine}[0], {sine}[1], {cosine}[1] = sine_0, cosine_0, sine_first, cosine_first", depth=1
-            ),
-            inside("for k in range(degree - 1):", depth=1),
-            inside(*w.loops()),
-            _TURN,
-            inside(*w.lines),
-            _SOLVE.format(**known),
-            _ALONG.format(**known) if transport else _PLAIN,
-            _NEXT,
-            inside(*stores),
-            _ADVANCE,
-            inside(
-                f"{sine}[at(k + 2)], {cosine}[at(k + 2)] = sine_next, cosine_next",
-                *ahead,
-                *w.ends,
-                *w.shifts,
-                "twice = 2.0",
-            ),
-            _END,
-            "    put_along(quads, degree - 1, q_along, v_along * share, none)\n" if transport else "",
-        ]
+    before = [f"{name} = {text}" for name, text in w.before.items()]
+    blocks = {"loops": [*w.loops()], "lines": w.lines, "stores": stores, "ends": [*ahead, *w.ends, *w.shifts]}
+    return _KERNEL.format(
+        name="expand_along" if transport else "expand_plain",
+        sine=w.slots[w.sine],
+        cosine=w.slots[w.cosine],
+        before=indent("\n".join(before), "    "),
+        begin_along=_BEGIN_ALONG if transport else "",
+        slide=_SLIDE.format(**known) if transport else "",
+        end_along=_END_ALONG if transport else "",
+        **{name: indent("\n".join(lines), "        ") for name, lines in blocks.items()},
+        **known,
     )
 
 
-def plain() -> str:
-    """Write the series without transport."""
-    return series(transport=False)
-
-
-def along() -> str:
-    """Write the series with transport."""
-    return series(transport=True)
+plain, along = partial(series, transport=False), partial(series, transport=True)

@@ -22,11 +22,9 @@ import numpy as np
 from vibroplat.kernels.compiled import fused, fused_inline
 from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.polynomial import MAX_DEGREE
-from vibroplat.kernels.vectors import Lanes, at, four, lanes_record, zero
+from vibroplat.kernels.vectors import lanes_record
 from vibroplat.model import recurrences
 from vibroplat.model.parameters import PARAMETERS, Parameters
-from vibroplat.model.platform import Compliance, Five
-from vibroplat.model.sliding import Law, Response, law, response, under_contact
 
 #: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
 FORCE = 7
@@ -81,7 +79,7 @@ def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> N
     All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
     MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
 
-    With transport (``moving`` is not None) an order is first solved without contact, which the mode's law then adds.
+    With transport (``moving`` is not None) an order is first solved without friction, which the mode's law then adds.
     """
     if moving is not None:
         expand_along(motion, degree, room, p)
@@ -99,30 +97,3 @@ def expand_plain(motion: Any, degree: int, room: Any, p: Parameters) -> None:
 @written(recurrences.along)
 def expand_along(motion: Any, degree: int, room: Any, p: Parameters) -> None:
     """Do as :func:`expand` with transport."""
-
-
-@fused_inline
-def begin_along(motion: Any, inverse: Compliance) -> tuple[Lanes, Lanes, Response, Law]:
-    """Begin the series of s: its coefficients of order 0 and 1, and the response to contact with its law."""
-    reply = response(inverse, motion.height, motion.lower_share, motion.share)
-    contact_law = law(1.0 - motion.flying, motion.stuck, motion.sliding, reply)
-    return motion.y[ALONG], motion.v[ALONG], reply, contact_law
-
-
-@fused_inline
-def touched(
-    free: tuple[Five, Lanes, Lanes, Lanes], upper: Lanes, slope: Lanes, motion: Any, reply: Response, contact_law: Law
-) -> tuple[Five, Lanes, Lanes, Lanes, Lanes, Lanes]:
-    """Find accelerations, F_c, those of gap, upper layer and s, and F_t, from what :func:`solve_rows` gives."""
-    a, _, opening, _ = free
-    along = slope - (a[0] - motion.height * a[2])
-    a, opening, along, contact, friction = under_contact(a, opening, along, reply, contact_law)
-    above = upper - a[1] - motion.flying * opening
-    return a, contact, opening, above, (1.0 - motion.stuck) * along, friction
-
-
-@fused_inline
-def put_along(quads: Any, k: int, along: Lanes, following: Lanes, friction: Lanes) -> None:
-    """Store the coefficients of order k of s and F_t, and that of order k + 1 of s, as long as it is the last."""
-    none = zero(along)
-    quads[at(k), 2], quads[at(k + 1), 2] = four(along, friction, none, none), four(following, none, none, none)

@@ -1,14 +1,17 @@
-"""Material that moves along the deck with Coulomb friction: the response to its contact, its impact, its energies.
+"""Material that moves along the deck with Coulomb friction: the response to F_t, impacts and chatter with it.
 
 The material's place s along the deck is one more coordinate, of all its layers together; F_t is the force of friction
-on it, towards +x, at the height h of the deck. With the mass matrix 𝓜 of (x, y, φ, φ₁, φ₂), n = (0, 1, 0, 0, 0) and
-t = (1, 0, −h, 0, 0), what the layer would do without contact, ÿ_w1 = a_n and s̈ = a_t, changes with both forces:
+on it, towards +x, at the height h of the deck. It comes last: accelerations and F_c are first found without it, from
+the rows that all scenes have. With the mass matrix 𝓜 of (x, y, φ, φ₁, φ₂), which in contact carries the lower layer
+along y, and t = (1, 0, −h, 0, 0), a unit of F_t takes 𝓜⁻¹t off the platform's accelerations and κ off F_c, and adds d
+to that of s:
 
-    ÿ_w1 = a_n + D_nn F_c + D_nt F_t,    s̈ = a_t + D_nt F_c + D_tt F_t
-    D_nn = 1/m_w1 + n·𝓜⁻¹n,    D_tt = 1/m_w + t·𝓜⁻¹t,    D_nt = n·𝓜⁻¹t.
+    κ = m_w1 (𝓜⁻¹t)_y in contact,    d = 1/m_w + t·𝓜⁻¹t.
 
-In stick both accelerations are 0, in slip of the sense σ that of the gap is and F_t = −μ_k σ F_c. The same holds for
-impulses. An inclined deck adds g_x: the platform and the exciters feel ẍ − g_x, as they feel ÿ + g along y.
+What a mode holds gives F_t: in stick s̈ = 0, in slip of the sense σ F_t = −μ_k σ F_c, in flight F_t = 0. The same holds
+for impulses. Slip is unique as long as μ_s |κ| < 1. With 𝓜 of the platform alone and n = (0, 1, 0, 0, 0), Delassus'
+matrix of contact is D_nn = 1/m_w1 + n·𝓜⁻¹n, D_nt = n·𝓜⁻¹t, D_tt = 1/m_w + t·𝓜⁻¹t, and κ = D_nt/D_nn. An inclined
+deck adds g_x: the platform and the exciters feel ẍ − g_x, as they feel ÿ + g along y.
 
 Literature: Glocker, Set-Valued Force Laws, 2001; Pfeiffer and Glocker, Multibody Dynamics with Unilateral Contacts,
 1996; Kane, Impact of rods: an apparent paradox, 1984.
@@ -21,118 +24,65 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused_inline
+from vibroplat.kernels.vectors import Lanes
+from vibroplat.model.impact import chatter_map, impact, impulse_response
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.platform import (
-    Compliance,
-    Five,
-    Unbalance,
-    compliance,
-    mobility,
-    solve_platform,
-    solve_rows,
-    unbalances,
-)
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP, GAP_RATE, LAYERS, SENSE, UPPER
+from vibroplat.model.platform import Compliance, Five, Solution, compliance, mobility, solve_platform, unbalances
+from vibroplat.model.systems import ALONG, ALONG_RATE, GAP, GAP_RATE
 
 #: Speed of the impacts that are left of a chatter, over that of the first.
 NO_REBOUND = float(np.finfo(float).eps)
 
 
 class Response(NamedTuple):
-    """What a unit of F_c, and of F_t, changes: accelerations of the platform, taken off, and D."""
+    """What a unit of F_t changes: accelerations of the platform and F_c, both taken off, and that of s."""
 
-    normal: Five
-    along: Five
-    nn: float
-    nt: float
-    tt: float
+    platform: Five
+    contact: Lanes
+    along: Lanes
 
 
 class Law(NamedTuple):
-    """Contact as a linear law: F_c = −(cc a_n + ct a_t), F_t = −(tc a_n + tt a_t)."""
+    """Friction as a linear law of s̈ and F_c without it: F_t = −(``by_slip`` s̈ + ``by_force`` F_c)."""
 
-    cc: float
-    ct: float
-    tc: float
-    tt: float
+    by_slip: Lanes
+    by_force: Lanes
 
 
 @fused_inline
-def response(inverse: Compliance, height: float, lower_share: float, material_share: float) -> Response:
-    """Find the response to contact, from h (m), 1/m_w1 and 1/m_w (1/kg)."""
-    normal = solve_platform((0.0, 1.0, 0.0, 0.0, 0.0), inverse)
-    along = solve_platform((1.0, 0.0, -height, 0.0, 0.0), inverse)
-    crossed = normal[0] - height * normal[2]
-    return Response(normal, along, lower_share + normal[1], crossed, material_share + along[0] - height * along[2])
+def response(inverse: Compliance, height: Lanes, carried: Lanes, material_share: Lanes) -> Response:
+    """Find the response to F_t, from h (m), the layer's mass that the platform carries (kg) and 1/m_w (1/kg)."""
+    platform = solve_platform((1.0, 0.0, -height, 0.0, 0.0), inverse)
+    return Response(platform, carried * platform[1], material_share + platform[0] - height * platform[2])
 
 
 @fused_inline
-def law(held: float, stuck: float, friction: float, r: Response) -> Law:
-    """Find the law of a mode: whether there is contact, and stick (1, otherwise 0); μ_k σ in slip, otherwise 0."""
-    sticking = stuck / (r.nn * r.tt - r.nt * r.nt)
-    slipping = (held - stuck) / (r.nn - friction * r.nt)
-    crossed = sticking * r.nt
-    return Law(sticking * r.tt + slipping, -crossed, -crossed - friction * slipping, sticking * r.nn)
+def law(stuck: Lanes, friction: Lanes, r: Response) -> Law:
+    """Find the law of a mode: whether the material sticks (1, otherwise 0); μ_k σ in slip, otherwise 0."""
+    return Law(stuck / r.along, friction / (1.0 - friction * r.contact))
 
 
 @fused_inline
-def under_contact(
-    a: Five, opening: float, sliding: float, r: Response, contact: Law
-) -> tuple[Five, float, float, float, float]:
-    """Find accelerations of the platform, of gap and material, and both forces, from those without contact."""
-    normal = -(contact.cc * opening + contact.ct * sliding)
-    along = -(contact.tc * opening + contact.tt * sliding)
-    moved = (
-        a[0] - r.normal[0] * normal - r.along[0] * along,
-        a[1] - r.normal[1] * normal - r.along[1] * along,
-        a[2] - r.normal[2] * normal - r.along[2] * along,
-        a[3] - r.normal[3] * normal - r.along[3] * along,
-        a[4] - r.normal[4] * normal - r.along[4] * along,
-    )
-    return (
-        moved,
-        opening + r.nn * normal + r.nt * along,
-        sliding + r.nt * normal + r.tt * along,
-        normal,
-        along,
-    )
+def add_friction(
+    free: Solution, along: Lanes, height: Lanes, attached: Lanes, r: Response, friction_law: Law
+) -> tuple[Solution, Lanes, Lanes]:
+    """Add friction to what :func:`vibroplat.model.platform.solve_rows` finds: that, s̈ and F_t.
 
-
-@inlined
-def solve_sliding(
-    system: int,
-    b: Five,
-    lower: float,
-    upper: float,
-    z: FloatArray,
-    first: Unbalance,
-    second: Unbalance,
-    p: Parameters,
-) -> None:
-    """Solve the dynamic rows for accelerations, from place n of ``z`` on, and both forces.
-
-    Right-hand sides are those of the rows of platform and exciters, lower and upper layer; that of the material along
-    the deck is in place 2n − 1 of ``z``.
+    ``along`` is the acceleration of the material over ground.
     """
-    n, held = DIFFERENTIAL[system] // 2, 1.0 if ALGEBRAIC[system] else 0.0
-    stuck = held if SENSE[system] == 0.0 else 0.0
-    lower_share, material_share = 1.0 / p.lower_mass, p.material_share
-    inverse = compliance(first, second, mobility(0.0, p), p)
-    r = response(inverse, p.deck_height, lower_share, material_share)
-    contact = law(held, stuck, p.kinetic_friction * SENSE[system], r)
-    free, _, opening, _ = solve_rows(0.0, lower_share, b, lower, upper, inverse, p)
-    sliding = z[2 * n - 1] * material_share - (free[0] - p.deck_height * free[2])
-    a, opening, sliding, normal, along = under_contact(free, opening, sliding, r, contact)
-    for i in range(5):
-        z[n + i] = a[i]
-    if LAYERS[system] == 2:
-        z[n + UPPER[system]] = upper - (a[1] + (1.0 - held) * opening)
-    z[2 * n - 1] = (1.0 - stuck) * sliding
-    if ALGEBRAIC[system]:
-        z[2 * n], z[2 * n + 1] = normal, along
-    else:
-        z[n + GAP] = opening
+    a, contact, opening, upper = free
+    slip = along - (a[0] - height * a[2])
+    force = -(friction_law.by_slip * slip + friction_law.by_force * contact)
+    changed = (
+        a[0] - r.platform[0] * force,
+        a[1] - r.platform[1] * force,
+        a[2] - r.platform[2] * force,
+        a[3] - r.platform[3] * force,
+        a[4] - r.platform[4] * force,
+    )
+    solution = (changed, contact - r.contact * force, opening, upper + attached * r.platform[1] * force)
+    return solution, slip + r.along * force, force
 
 
 # -- impact ----------------------------------------------------------------------------------------------------
@@ -146,109 +96,96 @@ class Blow(NamedTuple):
     loss: float
 
 
-@inlined
-def impact_response(state: FloatArray, p: Parameters) -> Response:
-    """Find the response to impulses at a full state."""
-    first, second = unbalances(state, p)
-    inverse = compliance(first, second, mobility(0.0, p), p)
-    return response(inverse, p.deck_height, 1.0 / p.lower_mass, p.material_share)
+class ImpactResponse(NamedTuple):
+    """What unit impulses change: the normal one the seven rates, with the reduced mass (kg), and that of friction."""
+
+    normal: FloatArray
+    reduced: float
+    friction: Response
 
 
 @compiled
-def strike(rates: FloatArray, restitution: float, r: Response, p: Parameters) -> Blow:
-    """Let the lower layer strike the platform: change the seven rates and, behind them, ṡ.
+def impact_response(state: FloatArray, p: Parameters) -> ImpactResponse:
+    """Find the response to impulses at a full state."""
+    normal = np.empty(7)
+    reduced = impulse_response(state, normal, p)
+    first, second = unbalances(state, p)
+    inverse = compliance(first, second, mobility(1.0, p), p)
+    return ImpactResponse(normal, reduced, response(inverse, p.deck_height, p.lower_mass, p.material_share))
+
+
+@compiled
+def strike_sliding(state: FloatArray, restitution: float, r: ImpactResponse, p: Parameters) -> Blow:
+    """Let the lower layer strike the platform: change the rates of a full state.
 
     The gap's rate reverses by Newton's law; the impulse of friction stops the material, or is that of Coulomb's law
     with μ_k if this does not suffice. Slip does not reverse its sense in an impact.
     """
-    approach, slip = rates[GAP], rates[7]
-    closing = (1.0 + restitution) * approach
-    determinant = r.nn * r.tt - r.nt * r.nt
-    normal, along = (r.nt * slip - r.tt * closing) / determinant, (r.nt * closing - r.nn * slip) / determinant
-    after = 0.0
-    if abs(along) > p.kinetic_friction * normal:
+    approach, slip, yielding = state[GAP_RATE], state[ALONG_RATE], r.friction.contact
+    alone = -(1.0 + restitution) * approach * r.reduced
+    loose = slip - alone * (r.normal[0] - p.deck_height * r.normal[2])
+    along, after = -loose / r.friction.along, 0.0
+    if abs(along) > p.kinetic_friction * (alone - yielding * along):
         friction = -math.copysign(p.kinetic_friction, along)
-        normal = -closing / (r.nn - friction * r.nt)
-        along = -friction * normal
-        after = slip + r.nt * normal + r.tt * along
+        along = -friction * alone / (1.0 - friction * yielding)
+        after = loose + r.friction.along * along
+    normal = alone - yielding * along
     for i in range(5):
-        rates[i] -= r.normal[i] * normal + r.along[i] * along
-    rates[GAP], rates[7] = -restitution * approach, after
-    if p.upper_mass > 0.0:
-        rates[6] -= normal / p.lower_mass
+        state[7 + i] += r.normal[i] * alone - r.friction.platform[i] * along
+    state[GAP_RATE], state[ALONG_RATE] = -restitution * approach, after
+    state[GAP_RATE + 1] += r.normal[6] * normal
     work = (1.0 - restitution) * normal * approach + along * (slip + after)
     return Blow(normal, along, -0.5 * work)
 
 
 @compiled
-def sliding_impact(state: FloatArray, along: FloatArray, restitution: float, p: Parameters) -> Blow:
-    """Let the lower layer strike the platform in a full state and (s, ṡ), which are changed; the gap is then 0."""
-    rates = np.empty(8)
-    for i in range(7):
-        rates[i] = state[7 + i]
-    rates[7] = along[1]
-    blow = strike(rates, restitution, impact_response(state, p), p)
-    for i in range(7):
-        state[7 + i] = rates[i]
-    state[GAP], along[1] = 0.0, rates[7]
-    return blow
+def strike(state: FloatArray, after: FloatArray, restitution: float, p: Parameters) -> Blow:
+    """Let the lower layer strike the platform, from a full state of 16 numbers to ``after``; the gap is then 0."""
+    if p.material_mass == 0.0:
+        impulse, loss = impact(state, after, restitution, p)
+        return Blow(impulse, 0.0, loss)
+    copy(state, after)
+    after[GAP] = 0.0
+    return strike_sliding(after, restitution, impact_response(state, p), p)
 
 
 @compiled
-def sliding_chatter(state: FloatArray, along: FloatArray, a: FloatArray, p: Parameters) -> tuple[float, Blow]:
-    """Carry a full state and (s, ṡ) through impacts that accumulate, one by one, under constant accelerations.
+def chatter(state: FloatArray, rates: FloatArray, after: FloatArray, p: Parameters) -> tuple[float, Blow]:
+    """Carry a full state of 16 numbers through impacts that accumulate, under constant accelerations, to ``after``.
 
-    There is no sum for them: slip may end among them, after which impacts stick.
+    With transport there is no sum for them: slip may end among them, after which impacts stick. They are followed one
+    by one.
 
     Parameters
     ----------
-    state, along
-        Right after an impact: gap 0, gap rate above 0. Changed to those at the end of the last impact.
-    a
-        The seven accelerations in flight at that state, then s̈, shape (8,); the gap's is negative.
+    state
+        Right after an impact: gap 0, gap rate above 0.
+    rates
+        Rates of the full state in flight there; that of the gap's rate is negative.
 
     Returns
     -------
     duration, blow
         How long they take (s), and their sums.
     """
-    r, rates, duration = impact_response(state, p), np.empty(8), 0.0
+    copy(state, after)
+    if p.material_mass == 0.0:
+        duration, impulse, loss = chatter_map(state, rates[7:], after, p)
+        return duration, Blow(impulse, 0.0, loss)
+    r, duration = impact_response(state, p), 0.0
     normal = friction = loss = 0.0
-    for i in range(7):
-        rates[i] = state[7 + i]
-    rates[7] = along[1]
-    last = NO_REBOUND * rates[GAP]
-    while rates[GAP] > 0.0:
-        t = 2.0 * rates[GAP] / -a[GAP]
-        approach = -rates[GAP]
-        for i in range(7):
-            state[i] += t * (rates[i] + 0.5 * t * a[i])
-        along[0] += t * (rates[7] + 0.5 * t * a[7])
+    last = NO_REBOUND * state[GAP_RATE]
+    while after[GAP_RATE] > 0.0:
+        t = 2.0 * after[GAP_RATE] / -rates[GAP_RATE]
+        approach = -after[GAP_RATE]
         for i in range(8):
-            rates[i] += t * a[i]
-        rates[GAP] = approach
+            place, rate = (i, 7 + i) if i < 7 else (ALONG, ALONG_RATE)
+            after[place] += t * (after[rate] + 0.5 * t * rates[rate])
+            after[rate] += t * rates[rate]
+        after[GAP_RATE] = approach
         duration += t
         ends = -approach < p.sticking_speed or -approach <= last
-        blow = strike(rates, 0.0 if ends else p.restitution, r, p)
+        blow = strike_sliding(after, 0.0 if ends else p.restitution, r, p)
         normal, friction, loss = normal + blow.normal, friction + blow.along, loss + blow.loss
-    for i in range(7):
-        state[7 + i] = rates[i]
-    state[GAP] = state[GAP_RATE] = 0.0
-    along[1] = rates[7]
+    after[GAP] = after[GAP_RATE] = 0.0
     return duration, Blow(normal, friction, loss)
-
-
-# -- balances --------------------------------------------------------------------------------------------------
-
-
-@compiled
-def sliding_energies(state: FloatArray, along: FloatArray, p: Parameters) -> tuple[float, float, float]:
-    """Return what the material's motion along the deck and its slope add to kinetic energy and that in gravity (J).
-
-    The third value is the momentum of machine and material along x (N·s).
-    """
-    first, second = unbalances(state, p)
-    rate = state[7] - p.deck_height * state[9] + along[1]
-    moments = p.mass * state[0] + p.material_mass * (state[0] - p.deck_height * state[2] + along[0])
-    momentum = p.mass * state[7] + first.x * state[10] + second.x * state[11] + p.material_mass * rate
-    return 0.5 * p.material_mass * rate * rate, -p.slope * (moments + first.y + second.y), momentum

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 from vibroplat.config.kloss import kloss
-from vibroplat.model.graph import Node, circle, local, parameter, ramp, size, symbol, total
+from vibroplat.model.graph import ZERO, Node, circle, local, parameter, ramp, size, symbol, total
 from vibroplat.model.parameters import PARAMETERS
 
 #: Coordinates: x, y, φ, both φᵢ, y_w1, y_w2, and s along the deck.
@@ -52,6 +52,25 @@ def resistance(speed: Node, p: SimpleNamespace) -> Node:
     return p.friction * (speed * size(speed))
 
 
+class Holds(NamedTuple):
+    """What resists coordinates: springs and dampers, of which those on x, y and φ act on the foundation."""
+
+    x: Node  # of the platform (N, N, N·m)
+    y: Node
+    phi: Node
+    gap: Node  # between platform and lower layer (N)
+    upper: Node  # between the layers, over the upper one's mass (m/s²)
+
+
+def holds(q: SimpleNamespace, v: SimpleNamespace, p: SimpleNamespace) -> Holds:
+    """State what resists coordinates, in directions opposite to them."""
+    hold_x, hold_phi = p.damping_x * v.x + p.stiffness_x * q.x, p.damping_phi * v.phi + p.stiffness_phi * q.phi
+    hold_y = p.damping_y * v.y + p.stiffness_y * q.y
+    hold_gap = ZERO
+    spring = p.layer_stiffness * q.upper + p.layer_damping * v.upper
+    return Holds(hold_x, hold_y, hold_phi, hold_gap, spring)
+
+
 def equations(
     q: SimpleNamespace, v: SimpleNamespace, a: SimpleNamespace, force: Node, friction: Node, p: SimpleNamespace
 ) -> Rows:
@@ -66,33 +85,24 @@ def equations(
     ay = lifted + p.axis_x * a.phi - p.axis_y * centre - p.axis_x * third
     turned = p.axis_x * sine_2 - p.axis_y * cosine_2
     curved = total(p.unbalance * (p.axis_y * sine_2 + p.axis_x * cosine_2))
-    # what holds the platform, and the upper layer
-    hold_x, hold_phi = p.damping_x * v.x + p.stiffness_x * q.x, p.damping_phi * v.phi + p.stiffness_phi * q.phi
-    hold_y = p.damping_y * v.y + p.stiffness_y * q.y
-    spring = p.layer_stiffness * q.upper + p.layer_damping * v.upper
+    hold = holds(q, v, p)
     lower = lifted + a.gap
-    pressed = force  # what the deck exerts on the lower layer, and the lower layer on the deck
+    pressed = force - hold.gap  # what the deck exerts on the lower layer, and the lower layer on the deck
     return Rows(
         # (2)
-        x=p.mass * level + hold_x + total(p.unbalance * cosine_2) + friction,
-        y=p.mass * lifted + hold_y + total(p.unbalance * sine_2) + pressed,
+        x=p.mass * level + hold.x + total(p.unbalance * cosine_2) + friction,
+        y=p.mass * lifted + hold.y + total(p.unbalance * sine_2) + pressed,
         phi=p.inertia * a.phi
-        + hold_phi
+        + hold.phi
         + total(p.deck * net + p.unbalance * turned)
         - q.phi * curved
         - p.deck_height * friction,
         # (3)
         angle=p.exciter_inertia * a.angle + p.unbalance * (cosine * ay - sine * ax) - net,
         # (4), and (6) in contact
-        gap=p.lower_mass * lower - p.upper_mass * spring - pressed,
-        upper=lower + a.upper + spring,
+        gap=p.lower_mass * lower - p.upper_mass * hold.upper - pressed,
+        upper=lower + a.upper + hold.upper,
         # material along the deck: stick holds it, in slip friction is that of Coulomb
         along=p.material_mass * (level - p.deck_height * a.phi + a.along) - friction,
         law=STUCK * (p.material_mass * a.along) + SLIPS * (friction + SLIDING * force),
     )
-
-
-def elastic_energy(q: SimpleNamespace, p: SimpleNamespace) -> Node:
-    """Energy in the springs (J)."""
-    platform = p.stiffness_x * (q.x * q.x) + p.stiffness_y * (q.y * q.y) + p.stiffness_phi * (q.phi * q.phi)
-    return 0.5 * (platform + p.upper_mass * p.layer_stiffness * (q.upper * q.upper))

@@ -6,7 +6,7 @@ What a system does not have is 0 in one text for all of them, and what only some
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import groupby
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from vibroplat.model.graph import (
     substituted,
     symbol,
 )
-from vibroplat.model.source import P, Rows, elastic_energy, equations, motor, resistance, unknowns
+from vibroplat.model.source import P, Rows, equations, motor, resistance, unknowns
 
 #: Coordinates: their places among those of a system, and what a system must have to have them.
 PLACES = {
@@ -38,19 +38,11 @@ PLACES = {
     "along": ("n - 1", "slides"),
 }
 #: Rows, alike.
-ROWS = {
-    "x": ("n", ""),
-    "y": ("n + 1", ""),
-    "phi": ("n + 2", ""),
-    "angle_0": ("n + 3", ""),
-    "angle_1": ("n + 4", ""),
-    "gap": ("lower", "layers > 0"),
-    "upper": ("n + upper", "two"),
-    "along": ("2 * n - 1", "slides"),
-    "law": ("2 * n + 1", "touches"),
-}
+ROWS = {name: (f"n + {place}", condition) for name, (place, condition) in PLACES.items()}
+ROWS |= {"gap": ("lower", "layers > 0"), "law": ("2 * n + 1", "touches")}
 #: Forces of contact, alike.
 FORCES = {"force": ("2 * n", "contact"), "friction": ("2 * n + 1", "touches")}
+FRICTION = symbol("friction")
 
 _HEAD = """
 import numpy as np
@@ -97,14 +89,11 @@ class Output(NamedTuple):
     value: Node
 
 
-def traced() -> tuple[Rows, dict[str, Node]]:
-    """Trace the equations: rows of pairs, and all unknowns by their names."""
-    q, v, a = unknowns("q"), unknowns("v"), unknowns("a")
-    found = {"force": symbol("force"), "friction": symbol("friction"), "elapsed": local("elapsed")}
-    rows = labelled(equations, q, v, a, found["force"], found["friction"], P)
-    for letter, of in (("q", q), ("v", v), ("a", a)):
-        found |= {f"{letter}_{name}": n for name, n in vars(of).items()}
-    return rows, found
+def traced(p: SimpleNamespace = P, friction: Node = FRICTION) -> tuple[Rows, dict[str, Node]]:
+    """Trace the equations: rows of pairs, and all coordinates, rates and accelerations by their names."""
+    motion = {letter: unknowns(letter) for letter in "qva"}
+    rows = labelled(equations, *motion.values(), symbol("force"), friction, p)
+    return rows, {f"{letter}_{name}": n for letter, of in motion.items() for name, n in vars(of).items()}
 
 
 def of_one(rows: Rows) -> dict[str, Node]:
@@ -171,9 +160,9 @@ def text_of(n: Node, names: dict[Node, str], calls: Mapping[str, str] = _CALLS) 
 _UNKNOWNS = {"q": "y[{}]", "v": "y[n + {}]", "a": "yp[n + {}]"}
 
 
-def loads(outputs: list[Output]) -> Iterator[str]:
+def loads(values: Iterable[Node]) -> Iterator[str]:
     """Write where the unknowns that are needed come from."""
-    needed = {n.args[0] for n in in_order(o.value for o in outputs) if n.op in ("symbol", "local")}
+    needed = {n.args[0] for n in in_order(values) if n.op in ("symbol", "local")}
     for letter, where in _UNKNOWNS.items():
         for name, (place, condition) in PLACES.items():
             if f"{letter}_{name}" in needed:
@@ -186,10 +175,14 @@ def loads(outputs: list[Output]) -> Iterator[str]:
         yield "    elapsed = t - p.since"
 
 
+def of_system(head: str, lines: Iterable[str]) -> str:
+    """Write a function of a system from its name with arguments and its lines."""
+    return f"{_HEAD}\n\ndef {head}:{_SYSTEM}" + "".join(f"{line}\n" for line in lines)
+
+
 def write(head: str, outputs: list[Output], *before: str) -> str:
-    """Write a function of a system from its first line and what it stores."""
-    lines = [*loads(outputs), *before, *lines_of(outputs)]
-    return f"{_HEAD}\n\n{head}{_SYSTEM}" + "\n".join(lines) + "\n"
+    """Write a function of a system from its name with arguments and what it stores."""
+    return of_system(head, [*loads(o.value for o in outputs), *before, *lines_of(outputs)])
 
 
 def all_rows() -> str:
@@ -197,7 +190,7 @@ def all_rows() -> str:
     found = of_one(traced()[0])
     outputs = [Output(ROWS[name][1], f"res[{ROWS[name][0]}]", row) for name, row in found.items()]
     kinematic = "    for i in range(n):", "        res[i] = yp[i] - y[n + i]"
-    return write("def all_rows(system, t, y, yp, res, p):", outputs, *kinematic)
+    return write("all_rows(system, t, y, yp, res, p)", outputs, *kinematic)
 
 
 def dynamic_jacobian() -> str:
@@ -214,7 +207,7 @@ def dynamic_jacobian() -> str:
                 both = " and ".join(filter(None, dict.fromkeys((has, condition))))
                 outputs.append(Output(both, f"jac[{place}, {column}]", value))
     clear = "    for i in range(n, y.size):", "        for j in range(y.size):", "            jac[i, j] = 0.0"
-    return write("def dynamic_jacobian(system, t, y, yp, cj, jac, p):", outputs, *clear)
+    return write("dynamic_jacobian(system, t, y, yp, cj, jac, p)", outputs, *clear)
 
 
 def mass_matrix() -> str:
@@ -228,22 +221,22 @@ def mass_matrix() -> str:
                 both = " and ".join(filter(None, dict.fromkeys((has, condition))))
                 outputs.append(Output(both, f"mass[{place}, {column}]", value))
     clear = "    for i in range(n):", "        for j in range(n):", "            mass[i, j] = 0.0"
-    return write("def mass_matrix(system, y, mass, p):", outputs, *clear)
+    return write("mass_matrix(system, y, mass, p)", outputs, *clear)
 
 
-def at_rest(row: Node) -> Node:
-    """Return a row without accelerations and forces of contact."""
-    absent = [f"a_{name}" for name in PLACES] + [*FORCES]
-    return substituted(row, {symbol(name): ZERO for name in absent})
+def at_rest(n: Node, letters: str) -> Node:
+    """Return a node where coordinates (q), rates (v) or accelerations (a) and forces of contact are 0."""
+    absent = [f"{letter}_{name}" for name in PLACES for letter in letters] + [*FORCES]
+    return substituted(n, {symbol(name): ZERO for name in absent})
 
 
 def loads_on_rows() -> str:
     """Write the right-hand sides of the dynamic rows: forces, with their signs, as they are without acceleration."""
     found = of_one(traced()[0])
     outputs = [
-        Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -at_rest(row)) for name, row in found.items() if name != "law"
+        Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -at_rest(row, "a")) for name, row in found.items() if name != "law"
     ]
-    return write("def loads(system, t, y, b, p):", outputs)
+    return write("loads(system, t, y, b, p)", outputs)
 
 
 def rates_of_rows() -> str:
@@ -256,24 +249,7 @@ def rates_of_rows() -> str:
                 rate = rate + derivative(row, symbol(f"{before}_{other}")) * symbol(f"{after}_{other}")
         if name != "law":
             outputs.append(Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -rate))
-    return write("def rates_of_rows(system, t, y, yp, b, p):", outputs)
-
-
-def slopes() -> str:
-    """Write the slopes of what resists x, y, φ, y_w1, y_w2 by coordinates and by rates, where these are 0."""
-    given, values = of_one(traced()[0]), []
-    symbols = {symbol(f"{letter}_{name}"): ZERO for name in PLACES for letter in "qva"}
-    for letter in "qv":
-        names = ("x", "y", "phi", "gap", "upper")
-        each = [substituted(derivative(given[name], symbol(f"{letter}_{name}")), symbols) for name in names]
-        values.append(f"({', '.join(text_of(value, {}) for value in each)})")
-    return f"{_HEAD}\n\ndef slopes(p):\n    return {', '.join(values)}\n"
-
-
-def elastic() -> str:
-    """Write the energy in the springs at a full state."""
-    names = {symbol(f"q_{name}"): f"state[{i}]" for i, name in enumerate(("x", "y", "phi", "", "", "gap", "upper"))}
-    return f"def elastic(state, p):\n    return {text_of(elastic_energy(unknowns('q'), P), names)}\n"
+    return write("rates_of_rows(system, t, y, yp, b, p)", outputs)
 
 
 def couplings() -> str:

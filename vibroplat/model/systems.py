@@ -81,28 +81,25 @@ class System:
         return state
 
 
-def _places(*coordinates: int) -> npt.NDArray[np.int64]:
-    return np.array([*coordinates, *(7 + c for c in coordinates)], dtype=np.int64)
+def _places(mode: Mode, layers: int, *, slides: bool) -> npt.NDArray[np.int64]:
+    """Places in the full state of the coordinates that a mode has, then of their rates."""
+    coordinates = [0, 1, 2, 3, 4, *[GAP] * (mode is Mode.FLIGHT), *[GAP + 1] * (layers == 2)]
+    rates = [FULL_SIZE // 2 + c for c in coordinates]
+    along = [[ALONG], [ALONG_RATE]] if slides else [[], []]
+    return np.array([*coordinates, *along[0], *rates, *along[1]], dtype=np.int64)
 
 
-def _moving(*coordinates: int) -> npt.NDArray[np.int64]:
-    return np.array([*coordinates, ALONG, *(7 + c for c in coordinates), ALONG_RATE], dtype=np.int64)
-
-
-SYSTEMS: tuple[System, ...] = (
-    System(0, Mode.BARE, 0, _places(0, 1, 2, 3, 4)),
-    System(1, Mode.ATTACHED, 1, _places(0, 1, 2, 3, 4)),
-    System(2, Mode.ATTACHED, 2, _places(0, 1, 2, 3, 4, 6)),
-    System(3, Mode.FLIGHT, 1, _places(0, 1, 2, 3, 4, 5)),
-    System(4, Mode.FLIGHT, 2, _places(0, 1, 2, 3, 4, 5, 6)),
-    System(5, Mode.STICK, 1, _moving(0, 1, 2, 3, 4)),
-    System(6, Mode.STICK, 2, _moving(0, 1, 2, 3, 4, 6)),
-    System(7, Mode.SLIP_PLUS, 1, _moving(0, 1, 2, 3, 4)),
-    System(8, Mode.SLIP_PLUS, 2, _moving(0, 1, 2, 3, 4, 6)),
-    System(9, Mode.SLIP_MINUS, 1, _moving(0, 1, 2, 3, 4)),
-    System(10, Mode.SLIP_MINUS, 2, _moving(0, 1, 2, 3, 4, 6)),
-    System(11, Mode.FLIGHT, 1, _moving(0, 1, 2, 3, 4, 5)),
-    System(12, Mode.FLIGHT, 2, _moving(0, 1, 2, 3, 4, 5, 6)),
+#: Modes, and whether the material moves along the deck in them.
+_MODES = (
+    *((Mode.BARE, False), (Mode.ATTACHED, False), (Mode.FLIGHT, False)),
+    *((Mode.STICK, True), (Mode.SLIP_PLUS, True), (Mode.SLIP_MINUS, True), (Mode.FLIGHT, True)),
+)
+#: Those with material have a system for one layer and one for two.
+SYSTEMS: tuple[System, ...] = tuple(
+    System(index, mode, layers, _places(mode, layers, slides=slides))
+    for index, (mode, slides, layers) in enumerate(
+        (mode, slides, layers) for mode, slides in _MODES for layers in ((0,) if mode is Mode.BARE else (1, 2))
+    )
 )
 
 
@@ -118,8 +115,10 @@ ALGEBRAIC = np.array([s.algebraic for s in SYSTEMS])
 SIZES = np.array([s.size for s in SYSTEMS])
 DIFFERENTIAL = np.array([s.differential for s in SYSTEMS])
 PLACES = np.array([[*s.places, *[-1] * (UNKNOWNS - s.differential)] for s in SYSTEMS])
-#: Whether the material moves along the deck; its sense in slip, otherwise 0; place of y_w2 among the unknowns, if any.
+#: Whether the material moves along the deck, and whether it sticks to it; its sense in slip, otherwise 0; place of y_w2
+#: among the unknowns, if any.
 SLIDES = np.array([s.slides for s in SYSTEMS])
+STICKS = np.array([s.mode is Mode.STICK for s in SYSTEMS])
 SENSE = np.array([{Mode.SLIP_PLUS: 1.0, Mode.SLIP_MINUS: -1.0}.get(s.mode, 0.0) for s in SYSTEMS])
 UPPER = np.array([s.differential // 2 - 1 - s.slides for s in SYSTEMS])
 #: Columns of coordinates in a Taylor series: their places in the full state, with the eighth left to F_c.
@@ -136,7 +135,7 @@ def gather(system: int, state: FloatArray, y: FloatArray) -> None:
 @compiled
 def scatter(system: int, y: FloatArray, state: FloatArray) -> None:
     """Fill a full state from a system's unknowns; what the system does not have is 0."""
-    for i in range(FULL_SIZE):
+    for i in range(state.size):
         state[i] = 0.0
     for i in range(DIFFERENTIAL[system]):
         state[PLACES[system, i]] = y[i]

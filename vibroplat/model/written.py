@@ -2,20 +2,8 @@
 
 from __future__ import annotations
 
-from vibroplat.model import recurrences, straight
-
-#: Writers of all texts.
-WRITERS = (
-    *(
-        straight.all_rows,
-        straight.dynamic_jacobian,
-        straight.mass_matrix,
-        straight.loads_on_rows,
-        straight.rates_of_rows,
-    ),
-    *(straight.torque_of_one, straight.torques, straight.resistances),
-    *(straight.couplings, straight.slopes, straight.elastic, recurrences.plain, recurrences.along),
-)
+from vibroplat.kernels.on_demand import WRITERS
+from vibroplat.model import accelerations, energy, series  # noqa: F401  (they import all others)
 
 if __name__ == "__main__":
     print("\n\n".join(write().strip() for write in WRITERS))

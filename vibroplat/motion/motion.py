@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +16,6 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid import state as hy
 from vibroplat.hybrid.loop import automaton, beginning, first_mode
 from vibroplat.hybrid.resets import apply_supply_corner, record_restart_events
-from vibroplat.hybrid.sliding import apply_sliding_corner
 from vibroplat.hybrid.state import empty_steps, rewind
 from vibroplat.integrate.interface import Engine
 from vibroplat.kernels.compiled import FloatArray, quick_call
@@ -46,15 +45,6 @@ class Observer(Protocol):
 
     def read(self, h: hy.Automaton) -> None:
         """Read the closed pieces of ``h.steps`` and the first ``run.events`` of ``h.events``, before they go."""
-
-
-#: Whether a motion shall end after a block, by what was measured until the ends of all blocks so far.
-Until = Callable[[Sequence[Accumulators]], bool]
-
-
-def never(ends: Sequence[Accumulators]) -> bool:
-    """Let a motion go on after each block."""
-    return False
 
 
 class Simulator:
@@ -141,8 +131,7 @@ class Simulator:
         It saves making records and steps for each of many short motions. What the engine has counted goes on.
         """
         self._run[0] = self.beginning
-        self._run["state"] = state[:FULL_SIZE]
-        self._run["along"][:, : len(state) - FULL_SIZE] = state[FULL_SIZE:]
+        self._run["state"][:, : len(state)] = state
         self.events = 0
         if not self._interval.start <= self.now < self._interval.end:
             self._change_supply()
@@ -151,7 +140,7 @@ class Simulator:
     def beginnings(self, states: FloatArray) -> npt.NDArray[np.void]:
         """Return records of :data:`vibroplat.hybrid.state.RUN` of motions from full states, shape (motions, 14)."""
         runs = np.repeat(self.beginning.reshape(1), len(states))
-        runs["state"], runs["along"][:, : states.shape[1] - FULL_SIZE] = np.split(states, [FULL_SIZE], axis=1)
+        runs["state"][:, : states.shape[1]] = states
         return runs
 
     def resume(self, run: np.void, recent: FloatArray) -> None:
@@ -177,7 +166,6 @@ class Simulator:
         settle: float = 0.0,
         blocks: int = 1,
         observers: Sequence[Observer] = (),
-        until: Until = never,
         scope: int = WHOLE_RUN,
     ) -> MeasuredInterval:
         """Carry the motion on for a time, and measure it.
@@ -193,8 +181,6 @@ class Simulator:
             returned: sums since the beginning, extremes of each block.
         observers
             What else reads it.
-        until
-            Whether it ends after a block already.
         scope
             What is measured, from :data:`vibroplat.observe.measures.SECTION_POINTS` to ``WHOLE_RUN``.
         """
@@ -206,8 +192,6 @@ class Simulator:
                 break
             if blocks > 1:
                 ends.append(statistics.end_block())
-                if until(ends):
-                    break
         return MeasuredInterval(statistics.measures, before, self._energies, ends)
 
     def advance_turns(
@@ -249,9 +233,7 @@ class Simulator:
         while end < time and self.outcome == "ok" and self.now >= end:
             if time > self.now >= self._interval.end:
                 self._change_supply()
-                (apply_supply_corner if self.scene.transport is None else apply_sliding_corner)(
-                    h, self._interval.corner
-                )
+                apply_supply_corner(h, self._interval.corner)
                 self._rewind(h.steps)  # they have been read
                 self._tell(observers)
                 continue  # an observer may have run out of memory
@@ -320,9 +302,8 @@ class Simulator:
 
     @property
     def _state(self) -> FloatArray:
-        run = self.automaton.run
-        state: FloatArray = run["state"]
-        return state if self.scene.transport is None else np.concatenate([state, run["along"]])
+        state: FloatArray = self.automaton.run["state"]
+        return state if self.scene.transport is not None else state[:FULL_SIZE]
 
     @property
     def system(self) -> System:

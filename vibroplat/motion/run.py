@@ -30,7 +30,13 @@ from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
-from vibroplat.observe.section import MAX_PERIOD, latest_period, section_points, section_rows, whole_periods
+from vibroplat.observe.section import (
+    MAX_PERIOD,
+    latest_repetition,
+    section_points,
+    section_rows,
+    whole_periods,
+)
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
@@ -83,7 +89,7 @@ SUMMARY: Columns = {
     "regime": Column("synchronization and kind of motion", "as of the samples of a design", kind=TEXT),
     "period": Column(
         "period of the motion, in turns of exciter 1",
-        f"0: none up to {MAX_PERIOD}, or not settled; means are over whole periods",
+        f"0: none up to {MAX_PERIOD}, or not settled; near a doubling a note has both; means are over whole periods",
         kind=COUNT,
     ),
     "stroke_change": Column(
@@ -215,11 +221,11 @@ def _run(
     derivative = None
     if keys is not None and motion.outcome == "ok":
         derivative = named_derivative(variations[0].derivative(motion.automaton), scene, keys)
-    summary, left, unsteady = _summary(motion, part, start.time)
+    summary, left, said = _summary(motion, part, start.time)
     return RunResult(
         scene=scene,
         summary=summary,
-        remarks=partial(_notes, scene, summary, left, unsteady, recorder.note),
+        remarks=partial(_notes, scene, summary, left, (*said, recorder.note)),
         origin=start.origin,
         segments=recorder.segments,
         event_rows=recorder.events,
@@ -232,10 +238,11 @@ def _run(
 
 def _summary(
     motion: Simulator, part: MeasuredInterval, start: float
-) -> tuple[dict[str, Any], Sequence[Transient], str]:
-    """Return the summary of a run that began at a time (s), transients along x and y, and the note on free exciters."""
+) -> tuple[dict[str, Any], Sequence[Transient], Sequence[str]]:
+    """Return the summary of a run that began at a time (s), transients along x and y, and notes on the motion."""
     scene, engine, seconds = motion.scene, motion.engine, motion.now - start
-    repeats = latest_period(section_points(part.measures, scene))
+    repetition = latest_repetition(section_points(part.measures, scene))
+    repeats = max(repetition.turns, repetition.finer)
     measures = measure(part._replace(measures=whole_periods(part.measures, max(repeats, 1))), scene)
     sheet = {name: measures.pop(name) for name in columns(scene)}
     doubt = inaccuracy(measures, scene) if motion.outcome == "ok" else ""
@@ -253,7 +260,7 @@ def _summary(
         "sync": synchronization(measures) if measures["phase_coherence"] is not None else "",
         "motion": kind_of_motion(measures, repeats, moved),
     }
-    regime = name_regime({**kinds, "period": repeats}) if kinds["motion"] else ""
+    regime = name_regime({**kinds, "period": repetition.turns}) if kinds["motion"] else ""
     return (
         {
             "name": scene.name,
@@ -266,7 +273,7 @@ def _summary(
             "static_sag_m": 0.0 - float(static_rest(scene)[1]),
             **kinds,
             "regime": regime,
-            "period": repeats,
+            "period": repetition.turns,
             "stroke_change": moved,
             "transient_x_m": left[0].size,
             "transient_y_m": left[1].size,
@@ -281,18 +288,16 @@ def _summary(
             **whole,
         },
         left,
-        unsteady,
+        [unsteady, repetition.note],
     )
 
 
-def _notes(
-    scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], unsteady: str, recorded: str
-) -> list[str]:
-    """Return the notes on a run with these transients along x and y; that of its recorder comes last."""
+def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], said: Sequence[str]) -> list[str]:
+    """Return the notes on a run with these transients along x and y, with those that are ``said`` already."""
     begin, seconds = summary["begins_s"], summary["simulated_s"]
     notes = (
         *notes_on_measures(scene, summary),
-        unsteady,
+        *said,
         _settling(left, summary),
         _unbalanced(scene, summary),
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
@@ -300,7 +305,6 @@ def _notes(
         symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
         *notes_on_input(scene, ends=begin + scene.run.duration_s),
         stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
-        recorded,
     )
     return [note for note in notes if note]
 

@@ -12,7 +12,7 @@ from vibroplat.hybrid.modes import MODES, SLIP_MINUS, SLIP_PLUS, STICK
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.energy import ALONG_FORCE, ALONG_SIZE, FRICTION
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import slopes
+from vibroplat.model.springs import CURVED_FORCE, slopes
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, SENSE, UPPER
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import section_rows
@@ -85,7 +85,8 @@ def find_sliding(
             pressed = stiffness[4] * samples[i, upper] + damping[4] * samples[i, n + upper]
             sheared += weight * (abs(friction) > -INTERNAL_FRICTION * p.material_mass * pressed)
     power[FRICTION] = loss
-    power[ALONG_FORCE] = total * p.slope - damping[0] * means[0, n] - stiffness[0] * means[0, 0]
+    resisting = stiffness[0] * means[0, 0] + damping[0] * means[0, n] + means[4, CURVED_FORCE]
+    power[ALONG_FORCE] = total * p.slope - resisting
     power[ALONG_SIZE] = total * abs(p.slope) + damping[0] * means[2, n] + stiffness[0] * means[2, 0]
     for k in range(3):
         sliding[k] = 1.0 if MODES[system] == _TIMED[k] else 0.0

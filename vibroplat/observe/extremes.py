@@ -92,7 +92,7 @@ _merge = quick_call(merge)
 
 
 class Equations(NamedTuple):
-    """Where the equations are: addresses of :func:`vibroplat.hybrid.resets.start_callback` and of the parameters."""
+    """Where the equations are: addresses of :func:`vibroplat.hybrid.starts.start_callback` and of the parameters."""
 
     start: int
     parameters: int

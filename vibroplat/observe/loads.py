@@ -13,6 +13,7 @@ from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inl
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
 from vibroplat.kernels.vectors import load_2, some
 from vibroplat.model.parameters import Parameters
+from vibroplat.model.springs import CURVED_FORCE, CURVED_SQUARE
 from vibroplat.model.systems import DIFFERENTIAL
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -264,10 +265,11 @@ def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int,
     """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means.
 
     With stiffness k and damping d a force is kq + dq̇, and its square k²q² + 2kd qq̇ + d²q̇²; the means of all these are
-    in the four rows of :func:`vibroplat.kernels.rows.means_16`.
+    in the four rows of :func:`vibroplat.kernels.rows.means_16`. Behind them is what is not linear, see
+    :func:`vibroplat.model.springs.curved_means`.
     """
     for i in range(3):
         k, d = springs[0, i], springs[1, i]
-        sums[i] += duration * (k * means[0, i] + d * means[0, n + i])
+        sums[i] += duration * (k * means[0, i] + d * means[0, n + i] + means[4, CURVED_FORCE + i])
         square = k * k * means[1, i] + 2.0 * k * d * means[3, i] + d * d * means[1, n + i]
-        sums[3 + i] += duration * square
+        sums[3 + i] += duration * (square + means[4, CURVED_SQUARE + i])

@@ -21,7 +21,7 @@ ROOM = np.dtype(
         ("squares", float, MAX_NODES + 1),  # of mean accelerations
         ("springs", float, (2, 4)),  # stiffnesses and dampings of x, y, φ, then nan
         ("levers", float, 2 * MAX_NAMED_POINTS),  # of points: what φ adds to x and y
-        ("means", float, (4, WIDTH)),  # of unknowns, their squares, their sizes, products with the rates
+        ("means", float, (5, WIDTH)),  # of unknowns, squares, sizes, products with rates, what is not linear
         ("power", float, N_WORK),
         ("sliding", float, len(SUMS) - STICK_TIME),  # means of what :func:`find_sliding` finds
         ("phases", float, MAX_NODES),

@@ -28,6 +28,7 @@ from vibroplat.kernels.polynomial import values
 from vibroplat.model.accelerations import platform_accelerations
 from vibroplat.model.motor import motor_powers
 from vibroplat.model.parameters import parameters, supply
+from vibroplat.model.springs import foundation_forces
 from vibroplat.model.systems import ALONG as ALONG_PLACE
 from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE, SYSTEMS, System, systems
 from vibroplat.system.memory import available, free_memory, size_text
@@ -270,10 +271,8 @@ class Sampler:
             columns["friction_force_n"] = rows["friction"]
         columns |= self._supply(rows)
         if self._accelerations:
-            machine, state = self.scene.machine, rows["state"]
-            stiffness = np.array([machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m])
-            damping = np.array([machine.damping_x_n_s_per_m, machine.damping_y_n_s_per_m])
-            columns |= dict(zip(FORCES, (stiffness * state[:, :2] + damping * state[:, 7:9]).T, strict=True))
+            state = rows["state"].T
+            columns |= dict(zip(FORCES, foundation_forces(*state[:2], *state[7:9], self._p), strict=True))
         return ArrayTable(columns, {**TRAJECTORY, **self._accelerations, **FORCES})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:

@@ -6,7 +6,7 @@ import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,12 @@ import pandas as pd
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 
-#: Half the platform's width, length of a spring, of those between layers, largest of the force's arrow, room for
-#: motion: units of the drawing.
-HALF, SPRING, BETWEEN, ARROW, ROOM = 100.0, 58.0, 26.0, 62.0, 22.0
+#: Half the platform's width, length of a spring between layers, largest of the force's arrow, room for motion: units of
+#: the drawing.
+HALF, BETWEEN, ARROW, ROOM = 100.0, 26.0, 62.0, 22.0
+#: Where springs are, their length, and their turns with half the width of these; and springs between layers.
+SPRINGS, SPRING_LENGTH, SPRING_COILS = (-72, 72), 80.0, (7, 7.0)
+BETWEENS, BETWEEN_COILS = (-52, 0, 52), (4, 5.0)
 #: Half the width of material, and distance of the grains by which its motion along the deck is seen.
 BED, GRAIN = 78.0, 26.0
 #: Frames of a turn: the script draws what is between them.
@@ -93,6 +96,43 @@ def scale_of(machine: Mapping[str, Any]) -> float:
     return HALF / max(float(reach), 1e-6)
 
 
+class Sizes(NamedTuple):
+    """Sizes of a machine's drawing.
+
+    Attributes
+    ----------
+    scale
+        Units in a metre.
+    axes, radii
+        Of the exciters.
+    top, bottom, floor, above
+        Heights of the platform's edges, of the floor, and of what is above all parts that move.
+    heights
+        Of the lower and the upper layer; 0 without one.
+    """
+
+    scale: float
+    axes: list[tuple[float, float]]
+    radii: list[float]
+    top: float
+    bottom: float
+    floor: float
+    above: float
+    heights: tuple[float, float]
+
+    @classmethod
+    def of(cls, machine: Mapping[str, Any]) -> Sizes:
+        """Return the sizes of what :func:`machine_of` describes."""
+        scale, layers, part = scale_of(machine), int(machine["layers"]), machine["lower_share"]
+        axes = [(scale * x, scale * y) for x, y in machine["axes"]]
+        radii = [scale * radius for radius in machine["radii"]]
+        top = max(*(y + r for (_, y), r in zip(axes, radii, strict=True)), 0.0) + 13.0
+        bottom = min(*(y - r for (_, y), r in zip(axes, radii, strict=True)), 3.0) - 17.0
+        heights = (10.0 + 14.0 * part, 10.0 + 14.0 * (1.0 - part)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
+        above = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
+        return cls(scale, axes, radii, top, bottom, bottom - SPRING_LENGTH, above, heights)
+
+
 def magnification(frames: pd.DataFrame, machine: Mapping[str, Any]) -> float:
     """Return the round number with which the largest displacement has the room that it needs."""
     scale = scale_of(machine)
@@ -108,37 +148,36 @@ def magnification(frames: pd.DataFrame, machine: Mapping[str, Any]) -> float:
 
 def drawing(machine: Mapping[str, Any], label: str) -> str:
     """Return the drawing of a machine at rest; the script moves its groups by their classes."""
-    scale, layers = scale_of(machine), int(machine["layers"])
-    axes = [(scale * x, scale * y) for x, y in machine["axes"]]
-    radii = [scale * radius for radius in machine["radii"]]
-    top = max(*(y + r for (_, y), r in zip(axes, radii, strict=True)), 0.0) + 13.0
-    bottom = min(*(y - r for (_, y), r in zip(axes, radii, strict=True)), 3.0) - 17.0
-    floor = bottom - SPRING - ROOM
-    part = machine["lower_share"]
-    heights = (10.0 + 14.0 * part, 10.0 + 14.0 * (1.0 - part)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
-    above = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
-    sizes = {"scale": scale, "top": top, "bottom": bottom, "floor": floor, "between": BETWEEN, "arrow": ARROW}
+    s = Sizes.of(machine)
+    sizes = {"scale": s.scale, "top": s.top, "bottom": s.bottom, "floor": s.floor, "between": BETWEEN, "arrow": ARROW}
     sizes |= {"bed": BED, "grain": GRAIN}
     data = " ".join(f'data-{name}="{value:.4g}"' for name, value in sizes.items())
-    body = f'<rect x="{-HALF}" y="{-top:.1f}" width="{2 * HALF}" height="{top - bottom:.1f}" rx="5" class="steel"/>'
-    body += f'<path class="ink deck" d="M{-HALF} {-top:.1f}h{2 * HALF}"/><path class="ink" d="M-5 0h10M0 -5v10"/>'
-    body += "".join(_exciter(n, axes[n], radii[n], machine["directions"][n]) for n in (0, 1))
-    coil, hatch = _coil(SPRING + ROOM, 7, 7.0), "".join(f"M{x} {-floor:.1f}l-6 7" for x in range(-90, 91, 9))
-    spring = f'<g class="spring" data-at="{{0}}" transform="translate({{0}} {-floor:.1f})">{coil}</g>'
-    springs = "".join(map(spring.format, (-72, 72)))
+    high = f"{s.top - s.bottom:.1f}"
+    body = f'<rect x="{-HALF}" y="{-s.top:.1f}" width="{2 * HALF}" height="{high}" rx="5" class="steel"/>'
+    body += f'<path class="ink deck" d="M{-HALF} {-s.top:.1f}h{2 * HALF}"/><path class="ink" d="M-5 0h10M0 -5v10"/>'
+    body += "".join(_exciter(n, s.axes[n], s.radii[n], machine["directions"][n]) for n in (0, 1))
+    spring, hatch = _coil(SPRING_LENGTH, *SPRING_COILS), "".join(f"M{x} {-s.floor:.1f}l-6 7" for x in range(-90, 91, 9))
+    place = f'<g class="spring" data-at="{{0}}" transform="translate({{0}} {-s.floor:.1f})">{spring}</g>'
+    springs = "".join(map(place.format, SPRINGS))
     return (
-        f'<svg class="machine" viewBox="-124 {-above:.1f} 262 {above - floor + 12.0:.1f}" role="img" '
-        f'aria-label="{label}" {data}><path class="ground" d="M-96 {-floor:.1f}H96{hatch}"/>{springs}'
-        f'<g class="body">{body}{_layers(heights, top, machine["conveys"])}{_signs(top)}</g></svg>'
+        f'<svg class="machine" viewBox="-124 {-s.above:.1f} 262 {s.above - s.floor + 12.0:.1f}" role="img" '
+        f'aria-label="{label}" {data}><path class="ground" d="M-96 {-s.floor:.1f}H96{hatch}"/>{springs}'
+        f'<g class="body">{body}{_layers(s.heights, s.top, machine["conveys"])}{_signs(s.top)}</g></svg>'
     )
 
 
-def _coil(length: float, turns: int, width: float) -> str:
-    """Return a spring that stands on 0 and is so long."""
+def coil(length: float, turns: int, width: float) -> list[tuple[float, float]]:
+    """Return the points of a spring that stands on 0 and is so long."""
     ends = min(7.0, 0.15 * length)
     step = (length - 2.0 * ends) / (2 * turns)
-    zigzag = "".join(f"L{width if i % 2 else -width:g} {-ends - (i + 0.5) * step:.1f}" for i in range(2 * turns))
-    return f'<path class="ink" d="M0 0V{-ends:.1f}{zigzag}L0 {-length + ends:.1f}V{-length:.1f}"/>'
+    zigzag = [(width if i % 2 else -width, ends + (i + 0.5) * step) for i in range(2 * turns)]
+    return [(0.0, 0.0), (0.0, ends), *zigzag, (0.0, length - ends), (0.0, length)]
+
+
+def _coil(length: float, turns: int, width: float) -> str:
+    """Return a spring as a path."""
+    points = "L".join(f"{x:g} {-y:.1f}" for x, y in coil(length, turns, width))
+    return f'<path class="ink" d="M{points}"/>'
 
 
 def _exciter(number: int, axis: tuple[float, float], radius: float, direction: float) -> str:
@@ -166,8 +205,8 @@ def _layers(heights: tuple[float, float], top: float, conveys: bool) -> str:
             dots = "".join(f"M{x:g} {middle}h0" for x in np.arange(-BED + 0.5 * GRAIN, BED, GRAIN))
             grains = f'<path class="grains" data-at="{middle}" d="{dots}"/>' if conveys else ""
             markup += f'<g class="{name}"><rect {box} class="{name}-layer"/>{grains}</g>'
-    high, coil = f"{top + heights[0]:.1f}", _coil(BETWEEN, 4, 5.0)
-    coils = (f'<g class="between" data-at="{x}" transform="translate({x} -{high})">{coil}</g>' for x in (-52, 0, 52))
+    high, spring = f"{top + heights[0]:.1f}", _coil(BETWEEN, *BETWEEN_COILS)
+    coils = (f'<g class="between" data-at="{x}" transform="translate({x} -{high})">{spring}</g>' for x in BETWEENS)
     return markup + (f'<g class="lower" data-base="{high}">{"".join(coils)}</g>' if heights[1] else "")
 
 

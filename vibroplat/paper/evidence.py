@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.config.digits import together
 from vibroplat.model.parameters import FloatArray
 from vibroplat.study.branches import EXCITATION, SUPPLY, SweepBranch
 from vibroplat.study.point import ERRORS
@@ -51,8 +50,9 @@ class PaperCurve(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Mass ratio and restitution."""
-        return f"μ {self.mass_ratio:g}" + (f", R {self.restitution:g}" if self.restitution else "")
+        """Mass ratio, restitution if there is one, and another model than that of impacts."""
+        parts = [f"μ {self.mass_ratio:g}", *([f"R {self.restitution:g}"] if self.restitution else [])]
+        return ", ".join([*parts, *([self.model] if self.model != "impact" else [])])
 
 
 #: The branches by which the contact models are compared.
@@ -69,11 +69,6 @@ class RegimeChange(NamedTuple):
     def middle(self) -> float:
         """Excitation frequency (Hz) in its middle."""
         return float(0.5 * (self.before[F] + self.after[F]))
-
-    @property
-    def text(self) -> str:
-        """Its excitation frequencies."""
-        return together((self.before[F], self.after[F]), "Hz", " → ")
 
 
 class Step(NamedTuple):

@@ -37,9 +37,8 @@ from vibroplat.study.sweep import branch_records, point_cases, run_branches, swe
 SWEEPS = ("fig2", *IMPACT)
 #: Columns of points from which their number and work are counted.
 COUNTED = ["outcome", "simulated_s", "events"]
-#: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches, and without other
-#: motions beside them, as no table shows these.
-REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"], "sweep.find_coexisting": False}
+#: Settings of the sweeps with further seeds: upward only, as claims are judged by these branches.
+REPEATED: dict[str, Any] = {"sweep.supply_frequency_hz.direction": ["up"]}
 
 
 def curve_of(branch: SweepBranch) -> str:

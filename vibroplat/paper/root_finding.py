@@ -56,9 +56,7 @@ def _bisect(evidence: Evidence, step: Step) -> Tasks[RegimeChange]:
     """
     branch, rows = evidence.branches[step.curve]
     before, after = (next(row for row in rows if row[SUPPLY] == supply) for supply in (step.before, step.after))
-    plan = branch.plan.model_copy(
-        update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS, "find_coexisting": False}
-    )
+    plan = branch.plan.model_copy(update={"lyapunov": branch.plan.lyapunov and step.regime in MOTIONS})
     width = JUMP_WIDTH if step.regime in ("antiphase", "in-phase") else WIDTH
     while abs(after[SUPPLY] - before[SUPPLY]) > width:
         middle = float(0.5 * (before[SUPPLY] + after[SUPPLY]))

@@ -15,6 +15,8 @@ import pandas as pd
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
+from vibroplat.model.parameters import parameters
+from vibroplat.model.springs import foundation_forces
 from vibroplat.results.picture import finite
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -33,11 +35,10 @@ def with_forces(part: pd.DataFrame, scene: Scene) -> pd.DataFrame:
 
     Its y is as in a trajectory, from where springs are unloaded.
     """
-    if not {"x_m", "y_m", "x_rate_m_per_s", "y_rate_m_per_s"} <= {*part.columns}:
+    needed = ["x_m", "y_m", "x_rate_m_per_s", "y_rate_m_per_s"]
+    if not {*needed} <= {*part.columns}:
         return part
-    machine = scene.machine
-    along_x = machine.stiffness_x_n_per_m * part["x_m"] + machine.damping_x_n_s_per_m * part["x_rate_m_per_s"]
-    along_y = machine.stiffness_y_n_per_m * part["y_m"] + machine.damping_y_n_s_per_m * part["y_rate_m_per_s"]
+    along_x, along_y = foundation_forces(*(part[name] for name in needed), parameters(scene))
     return part.assign(force_x_n=along_x, force_y_n=-along_y)
 
 

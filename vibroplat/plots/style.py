@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -83,9 +85,16 @@ class Saving:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Use the common style."""
-    with mpl.rc_context(_STYLE):
-        yield
+    """Use the common style; a name whose letters the font lacks has boxes in their place, without a word."""
+    told = logging.getLogger("matplotlib.mathtext")
+    level = told.level
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        told.setLevel(logging.ERROR)
+        try:
+            yield
+        finally:
+            told.setLevel(level)
 
 
 class _Figure(Figure):

@@ -19,9 +19,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.energy import ALONG_FORCE, ALONG_SIZE, DISSIPATIONS, FORCE_SIZE, FRICTION, POWERS, energies
 from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.sliding import sliding_energies
 from vibroplat.model.springs import DAMPERS
-from vibroplat.model.systems import FULL_SIZE
 from vibroplat.observe.conveying import turn_speeds
 from vibroplat.observe.extremes import CONTACT_FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
 from vibroplat.observe.measures import (
@@ -148,11 +146,7 @@ class Energies(NamedTuple):
     @classmethod
     def of(cls, state: FloatArray, p: Parameters) -> Energies:
         """Evaluate them at a full state."""
-        plain = cls(*energies(state, p))
-        if len(state) == FULL_SIZE:
-            return plain
-        kinetic, gravity, along = sliding_energies(state[:FULL_SIZE], state[FULL_SIZE:], p)
-        return plain._replace(kinetic=plain.kinetic + kinetic, gravity=plain.gravity + gravity, along=along)
+        return cls(*energies(state, p))
 
 
 class MeasuredInterval(NamedTuple):

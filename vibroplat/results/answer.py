@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 from vibroplat.config.digits import quantity
+from vibroplat.config.engine_choice import COMPUTED_BY
 from vibroplat.config.plausibility import WARNING, split_severity
 
 #: Most lines that a command prints without ``-v``, the width of notes, and of lines with remarks (characters).
@@ -33,7 +34,7 @@ class Answer(NamedTuple):
     failures
         A line for each motion that failed.
     headline
-        The answer in a sentence; empty in results of former versions.
+        The answer in a sentence; empty if a provenance holds none.
     short
         The few lines below it that are printed without ``-v``, too.
     """
@@ -63,19 +64,19 @@ class Answer(NamedTuple):
     def brief(self, room: int = MAX_LINES) -> list[str]:
         """Return the answer in at most ``room`` lines: headline, short lines, and as many notes as there is room for.
 
-        All warnings are among them: they take the room of other lines, or more than that. Answers of former versions
-        are as long as they are.
+        All warnings are among them, and which engine computed it: they take the room of other lines, or more than that.
+        An answer without a headline is as long as it is.
         """
         if not self.headline:
             return self.full()
         lines = [self.headline, *(f"  {line}" for line in self.short)]
-        others = [note for note in self.notes if not note.startswith(WARNING)]
-        warnings = [line for note in self.notes if note not in others for line in wrapped(note)]
-        left = room - len(warnings)
+        others = [note for note in self.notes if not note.startswith((WARNING, COMPUTED_BY))]
+        kept = [line for note in self.notes if note not in others for line in wrapped(note)]
+        left = room - len(kept)
         if len(lines) + bool(others) > left:
             count = max(left - 1, 1)
-            return [*lines[:count], f"  … {len(lines) - count + len(others)} more lines: -v prints them", *warnings]
-        return lines + warnings + notes_within(others, left - len(lines))
+            return [*lines[:count], f"  … {len(lines) - count + len(others)} more lines: -v prints them", *kept]
+        return lines + kept + notes_within(others, left - len(lines))
 
     def full(self) -> list[str]:
         """Return all of it but the failures."""

@@ -8,9 +8,10 @@ commas.
 
 from __future__ import annotations
 
+import gc
 import logging
-import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -22,7 +23,6 @@ import numpy as np
 from vibroplat.columns import unit_of
 from vibroplat.errors import ConfigError
 from vibroplat.frames import pd
-from vibroplat.results.tables import read_row_groups
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -43,72 +43,55 @@ def require_writer(form: str) -> str:
 
 def exports(form: str, command: str, tables: Sources, documents: Documents) -> dict[str, Callable[[Path], object]]:
     """Return functions that write the files of an export by their names; none for formats that are no export."""
-    if require_writer(form) == "xlsx":
-        return {f"{command}.xlsx": partial(_write_book, tables, documents)}
-    if form == "mat":
-        return {f"{command}.mat": lambda path: write_mat(path, _whole(tables), _flat(documents))}
+    if write := {"xlsx": _write_book, "mat": write_mat}.get(require_writer(form)):
+        return {f"{command}.{form}": lambda path: write(path, _whole(tables), documents)}
     return {f"{name}.csv": partial(_write_lines, parts) for name, parts in tables.items() if form == "csv-semicolon"}
 
 
-def parts_of(file: Path) -> Iterator[pd.DataFrame]:
-    """Yield the parts of a Parquet file that was just written."""
-    with file.open("rb") as opened:
-        yield from read_row_groups(opened, None, last=False)
+def _whole(tables: Sources) -> dict[str, pd.DataFrame]:
+    return {name: pd.concat([*parts()], ignore_index=True) for name, parts in tables.items()}
 
 
 def _write_lines(parts: Callable[[], Iterable[pd.DataFrame]], path: Path) -> None:
     """Write a table as CSV that a spreadsheet opens where the decimal comma is usual."""
-    for number, part in enumerate(parts()):
-        look: dict[str, Any] = {"sep": ";", "decimal": ",", "index": False, "header": number == 0}
-        part.to_csv(path, mode="a" if number else "w", encoding="utf-8" if number else "utf-8-sig", **look)
+    with path.open("w", newline="", encoding="utf-8-sig") as file:
+        for number, part in enumerate(parts()):
+            part.to_csv(file, sep=";", decimal=",", index=False, header=number == 0)
 
 
-def _cell(value: Any) -> Any:
-    """Return a value as a sheet holds it: nothing for what is not a finite number, texts for lists."""
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, list):
-        return "\n".join(map(str, value))
-    return value.item() if isinstance(value, np.generic) else None if value is pd.NA else value
-
-
-def _write_book(tables: Sources, documents: Documents, path: Path) -> None:
-    """Write a workbook; a table that is longer than a sheet is cut, which a line says."""
-    book = import_module("openpyxl").Workbook(write_only=True)
+def _write_book(path: Path, tables: Mapping[str, pd.DataFrame], documents: Documents) -> None:
+    """Write a workbook; where there is no room for it, no generator of openpyxl complains besides."""
+    failure, complain = None, sys.unraisablehook
+    sys.unraisablehook = lambda _: None
     try:
-        _fill_book(book, tables, documents)
-    except Exception:
-        for sheet in book.worksheets:
-            sheet.close()  # otherwise Python complains when it ends their generators
-        raise
-    book.save(path)
+        _fill_book(path, tables, documents)
+    except OSError as error:
+        failure = OSError(*error.args)  # without the frames in which generators wait
+    finally:
+        gc.collect()
+        sys.unraisablehook = complain
+    if failure is not None:
+        raise failure
 
 
-def _fill_book(book: Any, tables: Sources, documents: Documents) -> None:
-    """Write tables, documents, and units and meanings of columns into sheets."""
-    described: dict[str, tuple[str, str]] = {}
-    for name, parts in tables.items():
-        sheet, written = book.create_sheet(name[:31]), 1
-        for part in parts():
-            if written == 1:
-                sheet.append(list(map(str, part)))
-                meanings = part.attrs.get("meanings", {})
-                described |= {str(column): (unit_of(str(column)), meanings.get(column, "")) for column in part}
-            for row in part.astype(object).head(SHEET_ROWS - written).itertuples(index=False, name=None):
-                sheet.append([_cell(value) for value in row])
-            written += len(part)
-        if written > SHEET_ROWS:
-            _LOG.warning(
-                "a sheet of Excel has %d rows, and the %s table %d: the rest is in the Parquet file alone",
-                *(SHEET_ROWS, name, written),
-            )
-    for name, value in _flat(documents).items():
-        sheet = book.create_sheet(name[:31])
-        for key, entry in value.items():
-            sheet.append([key, _cell(entry), unit_of(key)])
-    sheet = book.create_sheet("columns")
-    for column, (unit, meaning) in described.items():
-        sheet.append([column, unit, meaning])
+def _fill_book(path: Path, tables: Mapping[str, pd.DataFrame], documents: Documents) -> None:
+    """Write the sheets of a workbook; a table that is longer than a sheet is cut, which a line says."""
+    with pd.ExcelWriter(path, engine="openpyxl") as book:
+        for name, table in tables.items():
+            table.replace([np.inf, -np.inf], np.nan)[: SHEET_ROWS - 1].to_excel(book, sheet_name=name[:31], index=False)
+            if len(table) >= SHEET_ROWS:
+                _LOG.warning(
+                    "a sheet of Excel has %d rows, and the %s table %d: the rest is in the Parquet file alone",
+                    *(SHEET_ROWS, name, len(table) + 1),
+                )
+        meanings = [(c, unit_of(str(c)), t.attrs.get("meanings", {}).get(c)) for t in tables.values() for c in t]
+        lines = {name: [(k, _text(v), unit_of(k)) for k, v in of.items()] for name, of in _flat(documents).items()}
+        for name, rows in {**lines, "columns": dict.fromkeys(meanings)}.items():
+            pd.DataFrame([*rows]).to_excel(book, sheet_name=name[:31], index=False, header=False)
+
+
+def _text(value: Any) -> Any:
+    return "\n".join(map(str, value)) if isinstance(value, list) else value
 
 
 def _flat(documents: Documents) -> dict[str, dict[str, Any]]:
@@ -117,14 +100,10 @@ def _flat(documents: Documents) -> dict[str, dict[str, Any]]:
     return {name: {k: v for k, v in of.items() if not isinstance(v, dict)} for name, of in trees.items()}
 
 
-def _whole(tables: Sources) -> dict[str, pd.DataFrame]:
-    return {name: pd.concat([*parts()], ignore_index=True) for name, parts in tables.items()}
-
-
-def write_mat(path: Path, tables: Mapping[str, pd.DataFrame], documents: Mapping[str, Mapping[str, Any]]) -> None:
+def write_mat(path: Path, tables: Mapping[str, pd.DataFrame], documents: Documents) -> None:
     """Write tables, documents and the units of all columns as structures for MATLAB or Octave."""
     contents = {name: {_field(c): plain_array(table[c]) for c in table} for name, table in tables.items()}
-    for name, document in documents.items():
+    for name, document in _flat(documents).items():
         known = {k: v for k, v in document.items() if not isinstance(v, list)}
         contents[name] = {_field(k): np.nan if v is None else v for k, v in known.items()}
     contents["units"] = {_field(c): unit_of(str(c)) for table in tables.values() for c in table}

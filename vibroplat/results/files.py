@@ -22,13 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from vibroplat.config.kinds import KINDS
-from vibroplat.config.schema import RENAMED_KEYS
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
-from vibroplat.results import renamed
-from vibroplat.results.exports import exports, parts_of
+from vibroplat.results.exports import exports
 from vibroplat.results.locks import replacement_lock
-from vibroplat.results.renamed import rename_keys, rename_keys_of, rename_summary, rename_table
 from vibroplat.results.tables import (
     FORMATS,
     Format,
@@ -51,8 +48,8 @@ from vibroplat.results.tables import (
 STORE = "points.sqlite"
 #: The commands that write results, in the order in which results of one directory are told.
 COMMANDS = ("run", *KINDS, "paper")
-#: Version of the contents of result directories; increased when an older reader would misread them.
-SCHEMA = 3
+#: Version of the contents of result directories, the only one that is read.
+SCHEMA = 4
 
 
 def write_result(
@@ -148,7 +145,7 @@ def _write_temporaries(
             file = stack.enter_context(TableFile(directory, name, form))
             file.extend(table)
         finished[name] = files[file.path] = file.finish()
-    sources = {name: partial(parts_of, path) for name, path in finished.items()}
+    sources = {name: partial(read_parts, path.parent, path.stem) for name, path in finished.items()}
     for name, write in exports(form, command, sources, documents).items():
         files[directory / name] = stack.enter_context(new_file(directory / name, write))
     for name, value in documents.items():
@@ -189,47 +186,25 @@ class SavedFiles:
         if self.provenance.get("command", command) != command:
             raise TableError(f"{directory} holds a result of {self.provenance['command']}; allowed: one of {command}")
         files = self.provenance.get("files")
-        # results of former versions have no digests
+        # without digests, files that somebody has edited by hand can be read
         self._digests = {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else None
 
     def names(self, *forms: str) -> list[str]:
         """Return the names of the files that have one of these endings."""
         files = [path.name for path in self.directory.iterdir()] if self._digests is None else self._digests
-        stems = [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
-        present = {old: new for new, old in self._former_tables.items()}
-        return [present.get(name, name) for name in stems]
+        return [Path(name).stem for name in files if Path(name).suffix.removeprefix(".") in forms]
 
     def table(self, name: str) -> pd.DataFrame:
         """Read a table; raises :class:`TableError` if it is missing, damaged or of another result."""
-        return self._present(read_table(self.directory, self._former_tables.get(name, name), self._digests))
+        return read_table(self.directory, name, self._digests)
 
     def parts(self, name: str, columns: Collection[str] | None = None, *, last: bool = False) -> Iterator[pd.DataFrame]:
         """Read a table in parts; see :func:`vibroplat.results.tables.read_parts`."""
-        if columns is not None:
-            former = RENAMED_KEYS | (renamed.COLUMNS if self._is_former else {})
-            columns = [*columns, *(old for old, new in former.items() if new in columns)]
-        file = self._former_tables.get(name, name)
-        return map(self._present, read_parts(self.directory, file, self._digests, columns, last=last))
-
-    def _present(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Return a table with present names."""
-        return rename_keys_of(rename_table(table, self.command) if self._is_former else table)
-
-    @property
-    def _former_tables(self) -> Mapping[str, str]:
-        """Present names of tables, and those that they have here."""
-        return renamed.TABLES if self.provenance["schema"] == 1 else {}
-
-    @property
-    def _is_former(self) -> bool:
-        """Whether the result has an older schema."""
-        return bool(self.provenance["schema"] < SCHEMA)
+        return read_parts(self.directory, name, self._digests, columns, last=last)
 
     def document(self, name: str) -> Any:
         """Read a JSON file; raises :class:`TableError` if it is missing, damaged or of another result."""
-        content = read_json(self.directory, name, self._digests)
-        former = self._is_former and name == "summary" and isinstance(content, dict)
-        return rename_summary(content) if former else content
+        return read_json(self.directory, name, self._digests)
 
     def configuration(self, name: str) -> str:
         """Read a YAML file, as :meth:`document`."""
@@ -260,13 +235,8 @@ def read_provenance(directory: Path) -> dict[str, Any]:
         raise TableError(f"{directory} holds no finished result: it has no provenance.json")
     origin = read_json(directory, "provenance")
     schema = origin.get("schema") if isinstance(origin, dict) else None
-    if type(schema) is not int or not 1 <= schema <= SCHEMA:
-        raise TableError(f"{directory} holds results of schema {schema}; this version reads schemas 1 to {SCHEMA}")
-    if isinstance(origin.get("configuration"), dict):
-        before = hash_of(origin["configuration"])
-        rename_keys(origin["configuration"])
-        if origin.get("configuration_sha256") == before:
-            origin["configuration_sha256"] = hash_of(origin["configuration"])
+    if type(schema) is not int or schema != SCHEMA:
+        raise TableError(f"{directory} holds results of schema {schema}; this version reads schema {SCHEMA}")
     return dict(origin)
 
 

@@ -1,17 +1,11 @@
-"""Who works in a directory: locks that name their holder, and marks that name the owner of a temporary file.
-
-Several machines and containers may share a directory of results, where a process number alone says nothing.
-"""
+"""Who works in a directory: locks that name their holder."""
 
 from __future__ import annotations
 
 import errno
-import functools
-import hashlib
 import logging
 import os
 import platform
-import re
 import stat
 import warnings
 from collections.abc import Iterator
@@ -30,7 +24,6 @@ MAX_WAIT_S = 60.0
 
 #: What a file system answers that knows no locks.
 _WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
-_MARK = re.compile(r"(\d+)-([0-9a-f]{12})_(\d+)_")
 
 _log = logging.getLogger(__name__)
 
@@ -116,51 +109,3 @@ def replacement_lock(directory: Path) -> Iterator[None]:
         yield
     finally:
         lock.release()
-
-
-# -- owners of temporary files --------------------------------------------------------------------------
-
-
-def mark() -> str:
-    """Return the mark of this process for names of files: its number, where that is valid, and when it started."""
-    return f"{os.getpid()}-{_machine() or '0' * 12}_{_started(os.getpid()) or 0}_"
-
-
-def is_gone(name: str) -> bool:
-    """Whether the process whose mark a name begins with has certainly ended.
-
-    Only a process of the same machine, since the same boot and in the same process namespace can be asked for. A
-    process that has the number but started at another time is another one.
-    """
-    match = _MARK.match(name)
-    if match is None or match[2] != _machine():
-        return False
-    process = int(match[1])
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    except (OSError, OverflowError):
-        return False  # it runs for another user
-    started = _started(process)
-    return started is not None and started != int(match[3])
-
-
-@functools.cache
-def _machine() -> str:
-    """Return a digest of host, boot and process namespace; nothing where the system does not tell them."""
-    try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
-        namespace = os.readlink("/proc/self/ns/pid")
-    except (OSError, ValueError):
-        return ""
-    return hashlib.sha256(f"{platform.node()}\n{boot}\n{namespace}".encode()).hexdigest()[:12]
-
-
-def _started(process: int) -> int | None:
-    """Return when a process started, in ticks since boot; None where that is not known."""
-    try:
-        text = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
-        return int(text.rpartition(")")[2].split()[19])
-    except (OSError, ValueError, IndexError):
-        return None

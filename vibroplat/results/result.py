@@ -17,6 +17,7 @@ from vibroplat.extensions import figure_of
 from vibroplat.frames import pd
 from vibroplat.results.answer import Answer
 from vibroplat.results.files import SCHEMA, STORE, SavedFiles, commands_in, directory_of, write_result
+from vibroplat.results.labels import is_number
 from vibroplat.results.provenance import provenance
 from vibroplat.results.tables import FORMATS, Format, as_written, result_directory
 
@@ -230,14 +231,12 @@ class Result:
     ) -> pd.DataFrame:
         """Return a table that has columns of texts, of numbers, and maybe optional ones of numbers."""
         begin = f"the {name} table in {self.place} has no"
-        for column in (*numbers, *(column for column in optional if column in table)):
-            if column not in table or not _holds_numbers(table[column]):
-                raise TableError(f"{begin} numbers in column {column}")
-        for column in texts:
+        for column in (*texts, *numbers):
             if column not in table:
                 raise TableError(f"{begin} column {column}")
-            if pd.api.types.is_numeric_dtype(table[column]) and table[column].notna().any():
-                raise TableError(f"{begin} names in column {column}")
+        for column in (*numbers, *(column for column in optional if column in table)):
+            if not (is_number(table[column]) or table[column].empty):
+                raise TableError(f"{begin} numbers in column {column}")
         return table
 
     # -- to look at and to hand on ------------------------------------------------------------------
@@ -331,10 +330,3 @@ class Tables(Mapping[str, "pd.DataFrame"]):
 
 def _whole(saved: SavedFiles, name: str) -> list[pd.DataFrame]:
     return [saved.table(name)]
-
-
-def _holds_numbers(column: pd.Series) -> bool:
-    """Whether a column has real numbers, or nothing at all."""
-    types = pd.api.types
-    real = not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
-    return (types.is_numeric_dtype(column) and real) or column.empty

@@ -191,7 +191,7 @@ class RunResult(Result):
 
         Columns: ``value`` in the measured part, ``unit``, ``whole_run`` (largest value of all of it), ``at_s`` and
         ``at_hz`` (when that was, and how fast the exciters turned then: of loads on the foundation, strokes, torques
-        and powers), ``meaning``. Empty for a run that was saved before there were data sheets.
+        and powers), ``meaning``.
         """
         known = columns(self.scene)
         rows = []

@@ -174,7 +174,10 @@ class Sheet:
     def _since(self, time: float) -> str:
         """Say how long after the last switch of motors a time (s) is; "" if there was none."""
         switch = self.scene.drive.last_switch(self.numbers.get("begins_s") or 0.0, time)
-        return "" if switch is None else f"{quantity(time - switch[0], 's')}{AFTER}{switch[1]}"
+        if switch is None:
+            return ""
+        later = time - switch[0]
+        return f"{quantity(later, 's') if later else '0 s'}{AFTER}{switch[1]}"
 
     def _row(self, label: str, column: str, largest: float | None = None, error: float = 0.0) -> Row:
         """Return the row of a column, whose value is so uncertain.

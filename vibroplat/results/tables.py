@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
+import glob
 import hashlib
 import json
 import math
 import os
-import re
 import secrets
 import stat
 import tempfile
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
 
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.frames import ArrayTable, CategoryColumn, pd, share_descriptions
-from vibroplat.results.locks import is_gone, mark, share
+from vibroplat.results.locks import share
 from vibroplat.system.interrupts import unfinished, watching
 from vibroplat.system.memory import is_short_of_memory
 
@@ -36,9 +36,11 @@ FORMATS: tuple[Format, ...] = ("parquet", "csv")
 MAX_GROUP_ROWS = 2000
 #: Most rows that are read at a time.
 MAX_PART_ROWS = 2**15
-#: Age (s) at which a temporary file is removed whosever it is: its owner may be on another machine. A writer that is
+#: Age (s) at which a temporary file is removed: its writer, perhaps on another machine, has been killed. One that is
 #: alive changes its file much more often.
 LEFTOVER_AGE_S = 86_400.0
+#: Ends of the names of temporary files.
+_TOKEN = "[0-9a-f]" * 16
 
 
 def result_directory(out: Path, name: str) -> Path:
@@ -397,21 +399,20 @@ def put_in_place(temporaries: Mapping[Path, Path]) -> None:
 def _temporary(path: Path) -> Iterator[Path]:
     """Make an empty temporary file next to another; it is removed at the end, even after Ctrl-C.
 
-    Its name has the mark of this process. Files that killed processes have left are removed.
+    Files that killed processes have left are removed.
     """
     with ExitStack() as stack:
         with watching():
-            temporary = path.with_name(f".{path.stem}-{mark()}{secrets.token_hex(4)}{path.suffix}")
+            temporary = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
             handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
             stack.enter_context(unfinished(temporary))
             share(temporary)
         try:
             with os.fdopen(handle) as file:
                 now = os.fstat(file.fileno()).st_mtime  # by the clock of the file system, of another machine perhaps
-            for old in path.parent.glob(f".{path.stem}-*"):
-                rest = old.name.removeprefix(f".{path.stem}-")
+            for old in path.parent.glob(f".{glob.escape(path.stem)}-{_TOKEN}.*"):
                 with suppress(FileNotFoundError):  # another process has removed it
-                    if re.match(r"\d+-\w+\.", rest) and (is_gone(rest) or now - old.stat().st_mtime > LEFTOVER_AGE_S):
+                    if now - old.stat().st_mtime > LEFTOVER_AGE_S:
                         old.unlink()
             yield temporary
         finally:

@@ -84,7 +84,7 @@ class ShotRecords(NamedTuple):
         Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning, and
         now, as numbers, one part after the other.
     energies
-        What :func:`vibroplat.model.energy.energies` says of both ends of a measured shot, shape (2, 5).
+        What :func:`vibroplat.model.energy.energies` says of both ends of a measured shot, shape (2, 6).
     events, pieces
         Room for records of :data:`vibroplat.hybrid.state.EVENT` and of :data:`PART`.
     shot, end
@@ -153,7 +153,7 @@ def shot_records(
         statistics=statistics.callee(h),
         blank=measured.copy(),
         measured=measured,
-        energies=np.empty((2, 5)),
+        energies=np.empty((2, 6)),
         events=np.zeros(MAX_EVENTS, EVENT),
         pieces=np.empty(MAX_EVENTS, PART),
         shot=np.zeros(1, SHOT)[0],
@@ -260,7 +260,7 @@ def ask(k: ShotRecords, wish: int) -> bool:
 @inlined
 def leave(k: ShotRecords) -> None:
     """Note where the motion has ended."""
-    copy(k.h.run.state, k.end)
+    copy(k.h.run.state[: k.end.size], k.end)
     for i in range(2):
         k.end[3 + i] += k.h.run.turns[i]
 

@@ -30,7 +30,7 @@ AGREE, EVEN = 0.01, 1e-6
 CONVEYING_SPEED = "conveying_speed_m_per_s"
 #: Columns of points, after the keys and the branch, that the answer is made of.
 NEEDED = {
-    *("outcome", "sync", "relative_rotation", "motion", "period", "coexisting", "flight_fraction", "motor_power_w"),
+    *("outcome", "sync", "relative_rotation", "motion", "period", "flight_fraction", "motor_power_w"),
     *(RMS, "rms_x_m", FORCE, PHASE_COLUMN, CONVEYING_SPEED),
 }
 
@@ -45,7 +45,7 @@ def short_answer(points: pd.DataFrame, bands: pd.DataFrame) -> tuple[str, list[s
     if good[RMS].notna().sum() == 0:
         return first, []
     ends: list[dict[Any, Any]] = bands.to_dict("records")
-    lines = [*_rows(points, ends, key), *_agreement(points, ends, key), *_legend(good), *_coexisting(good)]
+    lines = [*_rows(points, ends, key), *_agreement(points, ends, key), *_legend(good)]
     motions = motions_text(good)
     headline = f"{first}; {motions}"
     return (headline, lines) if len(headline) <= WIDTH else (first, [motions, *lines])
@@ -251,10 +251,3 @@ def _legend(good: pd.DataFrame) -> Iterator[str]:
     texts = [f"{name}: not synchronized" if name == "none" else name for name in named]
     if texts:
         yield f"{'always ' if len(texts) == 1 else ''}{'; '.join(texts)}"
-
-
-def _coexisting(good: pd.DataFrame) -> Iterator[str]:
-    known = good["coexisting"].fillna("").astype(str)
-    number = int((known.ne("") & ~known.str.startswith("not ")).sum())
-    if number:
-        yield f"at {counted(number, 'point')} other attractors coexist: column coexisting"

@@ -6,18 +6,12 @@
 * ``undecided`` — the error of the exponent leaves its sign open, or neighbours converge but no period is found, or the
   section still drifts, as while exciters synchronize slowly: the motion has not settled.
 * ``non-periodic`` — it does not repeat, and there is no exponent: the plan asks for none, or material is transported.
-
-Two aperiodic motions are different attractors, or stretches of the same motion. Each is measured in blocks. The bounds
-of its measures over the blocks of a window are its class. Chaos may stay in one class for minutes before it changes
-into another. Windows of one motion scatter by up to 45 % of a measure, far more than the errors from their blocks. So
-both motions are followed. If either is seen to change into the class of the other, they count as one.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -28,14 +22,12 @@ from vibroplat.config.circular import wrap
 from vibroplat.config.plans import SweepPlan
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate import make_engine
-from vibroplat.model.parameters import FloatArray, parameters
-from vibroplat.motion.motion import Simulator
-from vibroplat.observe.measures import MAX_FINAL_PERIOD, SUMMED, Accumulators, block_difference, measured_extremes
-from vibroplat.observe.section import MAX_PERIOD, least_period, period, section_points, section_rows
-from vibroplat.report.summary import COHERENCE, MeasuredInterval, statistics
+from vibroplat.model.parameters import FloatArray
+from vibroplat.observe.measures import MAX_FINAL_PERIOD, Accumulators, block_difference, measured_extremes
+from vibroplat.observe.section import MAX_PERIOD, REPEAT_DISTANCE, least_period, period
+from vibroplat.report.summary import COHERENCE, statistics
 from vibroplat.study.lyapunov import Exponent, largest_exponent
-from vibroplat.study.settling import KnownOrbit, NearReturn, OrbitDetector, SettlingResult, contraction_period
+from vibroplat.study.settling import SettlingResult, contraction_period
 
 #: Minimum ratio of the smaller to the larger extent of the section, in both halves of the measured part, at which it is
 #: steady: a section that still shrinks or grows has not settled.
@@ -49,25 +41,19 @@ CHAOS_LIMITS = 0.7, 0.1
 #: Largest growth per turn, with two errors added, at which an exponent without a clear sign counts as 0: neighbours
 #: would need at least 350 turns to double or halve their distance.
 ZERO_EXPONENT = 2e-3
-#: Largest distance of points of the section that repeat, in scaled units. Of 440 points of Figs. 3 and
-#: 6, followed without orbits, those that repeat do so within 0.0041; of the others none comes nearer than 0.42.
-REPEAT_DISTANCE = 1e-2
 #: Why motion with transport, which has no exponent, is undecided.
 NOT_SETTLED = "not settled: the Poincaré section still drifts"
 #: Distance of the mean phase differences (rad) up to which two motions are synchronized alike.
 SAME_PHASE = 0.2
 #: Number of blocks of a window; an aperiodic motion is measured in one.
 BLOCKS = 24
-#: Windows over which two motions are followed. In 120 windows of chaos at 59.5 Hz, one motion stays in one of its two
-#: classes for up to 15 of them, and in the other for up to 8.
-WINDOWS = 12
-#: Measures that distinguish classes, and the smallest width of a class relative to them.
-CLASS_MEASURES, MIN_CLASS_WIDTH = ("rms_x_m", "rms_y_m", "rms_phi_rad"), 0.02
+#: RMS of the platform's displacements, of which settling may leave a remainder.
+DISPLACEMENTS = ("rms_x_m", "rms_y_m", "rms_phi_rad")
 #: Measures that are compared between both halves of a window of aperiodic motion, and the largest difference of their
 #: means, in standard errors of independent blocks. The largest ratio of variances is that of measures not made of rare
 #: events. Smallest difference of mean phase differences that counts (rad). Of 560 aperiodic rows of random machines, 30
 #: change so; measured longer, two of them repeat and eight still change.
-SCATTERING_MEASURES = (*CLASS_MEASURES, "excitation_frequency_hz", "motor_power_w")
+SCATTERING_MEASURES = (*DISPLACEMENTS, "excitation_frequency_hz", "motor_power_w")
 EVENT_MEASURES = ("flight_fraction", "impacts_per_period")
 COMPARED_MEASURES = (*SCATTERING_MEASURES, *EVENT_MEASURES, PHASE_COLUMN)
 MAX_HALF_DIFFERENCE, MAX_VARIANCE_RATIO, MIN_PHASE_DIFFERENCE = 3.0, 10.0, 1e-3
@@ -157,9 +143,8 @@ def _confirm(
 
 def _periodic(points: FloatArray, turns: int, exponent: Exponent | None = None) -> MotionClass:
     """Return the class of a motion the section of which repeats after some turns within REPEAT_DISTANCE."""
-    least, finer, distance = least_period(points, turns, REPEAT_DISTANCE)
-    note = f"period {least}, or {finer} within {distance:.0e} of scaled units" if finer else ""
-    return MotionClass("periodic", least, exponent, note=note)
+    found = least_period(points, turns, REPEAT_DISTANCE)
+    return MotionClass("periodic", found.turns, exponent, note=found.note)
 
 
 def _is_steady(points: FloatArray, tolerance: float, least: float = MIN_EXTENT_RATIO, drift: float = MAX_DRIFT) -> bool:
@@ -219,55 +204,13 @@ def same_phase(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     return bool(abs(wrap(one[PHASE_COLUMN] - other[PHASE_COLUMN])) < SAME_PHASE)
 
 
-class Comparison(NamedTuple):
-    """What comes of two motions that were followed.
-
-    Attributes
-    ----------
-    orbit
-        A stable orbit to which one of them converges.
-    apart_s
-        Time over which neither changed into the class of the other (s); 0 if one did, if one converges to an orbit or
-        ended, or if the second one is not chaotic.
-    """
-
-    orbit: KnownOrbit | None = None
-    apart_s: float = 0.0
-
-
-class AttractorClass(NamedTuple):
-    """The class of an aperiodic motion: the smallest and largest values of CLASS_MEASURES that belong to it."""
-
-    smallest: Sequence[float]
-    largest: Sequence[float]
-
-    @classmethod
-    def of(cls, values: FloatArray, negligible: FloatArray) -> AttractorClass:
-        """Make the class of a window from the values of its blocks, shape (blocks, 3), which it exceeds by their width.
-
-        Differences that are ``negligible``, shape (3,), say nothing: a motion that comes back to its symmetry, or
-        leaves it, is not another one as long as it is nearer than that.
-        """
-        low, high = values.min(axis=0), values.max(axis=0)
-        wider = np.maximum(np.maximum(high - low, MIN_CLASS_WIDTH * high), negligible)
-        return cls((low - wider).tolist(), (high + wider).tolist())
-
-    def holds(self, values: FloatArray) -> bool:
-        """Whether any of some blocks, shape (n, 3), belongs to the class."""
-        return bool(((values >= self.smallest) & (values <= self.largest)).all(axis=1).any())
-
-    def met(self, ends: Sequence[Accumulators]) -> bool:
-        """Whether it holds the last block of a motion, from the sums at the ends of all blocks so far."""
-        return len(ends) > 0 and self.holds(block_values(ends[-2:])[-1:])
-
-
 def negligible_differences(scene: Scene, plan: SweepPlan) -> FloatArray:
-    """Return differences of CLASS_MEASURES that may be left of settling, shape (3,)."""
-    differences: FloatArray = plan.settle_tolerance * state_scales(scene)[: len(CLASS_MEASURES)]
+    """Return differences of DISPLACEMENTS that may be left of settling, shape (3,)."""
+    differences: FloatArray = plan.settle_tolerance * state_scales(scene)[: len(DISPLACEMENTS)]
     return differences
 
 
-def block_values(blocks: Sequence[Accumulators], names: Sequence[str] = CLASS_MEASURES) -> FloatArray:
+def block_values(blocks: Sequence[Accumulators], names: Sequence[str] = DISPLACEMENTS) -> FloatArray:
     """Measures of each block, shape (blocks, measures), from the sums at their ends."""
     parts = [*blocks[:1], *(block_difference(a, b) for a, b in pairwise(blocks))]
     measures = [statistics(part, measured_extremes(part)) for part in parts]
@@ -321,54 +264,3 @@ def rare_events(values: FloatArray) -> list[str]:
     half = len(values) // 2
     still = (np.ptp(values[:half], axis=0) == 0.0) | (np.ptp(values[half:], axis=0) == 0.0)
     return [name for name in EVENT_MEASURES if still[COMPARED_MEASURES.index(name)]]
-
-
-class SearchBeginning(NamedTuple):
-    """Where the search for attractors that coexist with an aperiodic motion begins, in plain values.
-
-    Attributes
-    ----------
-    returns
-        Near returns of its section.
-    class_of
-        Its class.
-    end
-        Full state at its end, shape (14,).
-    """
-
-    returns: Sequence[NearReturn]
-    class_of: AttractorClass
-    end: Sequence[float]
-
-
-def begin_search(
-    scene: Scene, plan: SweepPlan, part: MeasuredInterval, end: FloatArray, detector: OrbitDetector
-) -> SearchBeginning:
-    """Gather what a search needs from the blocks of a motion and the full state at its end."""
-    returns = detector.near_returns(section_points(part.measures, scene), section_rows(part.measures)["state"])
-    known = AttractorClass.of(block_values(part.blocks), negligible_differences(scene, plan))
-    return SearchBeginning(returns, known, end.tolist())
-
-
-def compare(
-    scene: Scene, plan: SweepPlan, states: Sequence[FloatArray], known: AttractorClass, detector: OrbitDetector
-) -> Comparison:
-    """Follow a motion of known class, and another, from full states at their ends."""
-    p, length = parameters(scene), BLOCKS * plan.measure_s
-    with closing(make_engine(scene, p)) as one, closing(make_engine(scene, p)) as two:
-        motions = [
-            Simulator(scene, p, engine, state) for engine, state in zip((two, one), reversed(states), strict=True)
-        ]
-        classes = [known]
-        for _ in range(WINDOWS):
-            for index, motion in enumerate(motions):
-                part = motion.advance(length, blocks=BLOCKS, scope=SUMMED, until=classes[index].met)
-                if motion.outcome != "ok" or classes[index].met(part.blocks):
-                    return Comparison()
-                orbit = detector.detect(motion, section_points(part.measures, scene), 0)
-                if orbit is not None:
-                    return Comparison(orbit)
-                if len(classes) == 1:
-                    classes.append(AttractorClass.of(block_values(part.blocks), negligible_differences(scene, plan)))
-        chaotic = largest_exponent(scene, motions[0].state).sign > 0
-        return Comparison(None, WINDOWS * length if chaotic else 0.0)

@@ -26,7 +26,7 @@ from vibroplat.hybrid.state import Automaton, initial_state, perturb_state, stat
 from vibroplat.integrate import make_engine
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
-from vibroplat.motion.motion import Observer, Simulator, Until, never
+from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.observe.conveying import OF_SPEED
 from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
 from vibroplat.observe.section import section_points, section_rows, whole_periods
@@ -44,8 +44,6 @@ from vibroplat.report.summary import (
 from vibroplat.study.classification import (
     BLOCKS,
     MotionClass,
-    SearchBeginning,
-    begin_search,
     classify,
     compared_values,
     rare_events,
@@ -110,13 +108,6 @@ POINT: Columns = {
         "magnitude of the largest Floquet multiplier",
         "without the trivial multiplier 1; empty if the orbit is not known",
     ),
-    "coexisting": Column(
-        "attractors found to coexist with a chaotic or undecided motion",
-        "stable orbits nearby, and attractors reached from other initial conditions; for a chaotic one, the time "
-        "during which neither changed into the other. 'not found' does not exclude others and gives the "
-        "extent of the search. Empty: no search",
-        kind=TEXT,
-    ),
     "lyapunov_per_s": Column("largest Lyapunov exponent", "of aperiodic motion"),
     "lyapunov_error_per_s": Column("standard error of lyapunov_per_s"),
     **{
@@ -150,16 +141,12 @@ class SweepPoint:
         inaccurate.
     section_y, impact_speeds
         y at whole turns of exciter 1 (m) and speeds of the impacts (m/s), for a bifurcation diagram.
-    search
-        Where the search for coexisting attractors begins, if there shall be one; see
-        :func:`vibroplat.study.attractor_search.search_coexisting`.
     """
 
     row: dict[str, Any]
     state: list[float] | None
     section_y: list[float] = field(default_factory=list)
     impact_speeds: list[float] = field(default_factory=list)
-    search: SearchBeginning | None = None
 
 
 def point_task(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> Task:
@@ -174,7 +161,7 @@ def failed_record(reason: str, outcome: str = "worker-lost") -> Record:
 
 
 def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
-    """Settle and measure one point of a sweep, without a search for coexisting attractors.
+    """Settle and measure one point of a sweep.
 
     Parameters
     ----------
@@ -211,24 +198,19 @@ def _measure_by_engine(scene: Scene, plan: SweepPlan, state: list[float] | None,
             point = _measure_by_simulation(scene, plan, start)
         else:
             with closing(load_provided("NewtonOrbitDetector")(scene)) as detector:
-                point = settle_and_measure(scene, plan, start, detector)
+                point = _settle_and_measure(scene, plan, start, detector)
     except MemoryError:
         return SweepPoint(**failed_record(NO_MORE, "out-of-memory"))
     point.row["wall_s"] = time.perf_counter() - began
     return point
 
 
-def settle_and_measure(
-    scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector, until: Until = never
-) -> SweepPoint:
-    """Search for the orbit that a motion converges to at once, and while it settles; measure what does not converge.
-
-    If the motion ends ``until`` a block, it is not classified, and the point has no state.
-    """
+def _settle_and_measure(scene: Scene, plan: SweepPlan, start: FloatArray, detector: OrbitDetector) -> SweepPoint:
+    """Search for the orbit that a motion converges to at once, and while it settles; measure what does not converge."""
     orbit = detector.first(start)
     if orbit is not None and detector.end_state is not None:
         return on_orbit(scene, orbit, detector.end_state[1], detector.work)
-    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector, until)
+    return _measure_by_simulation(scene, plan, *(detector.end_state or (start, 0.0)), detector)
 
 
 def on_orbit(
@@ -252,14 +234,13 @@ def _measure_by_simulation(
     start: FloatArray,
     began: float = 0.0,
     detector: OrbitDetector | None = None,
-    until: Until = never,
 ) -> SweepPoint:
-    """Follow a motion from a full state and a time (s) until it has settled; see :func:`settle_and_measure`."""
+    """Follow a motion from a full state and a time (s) until it has settled; see :func:`_settle_and_measure`."""
     p = parameters(scene)
     impacts = _Impacts() if plan.kind == "bifurcation" else None
     with closing(make_engine(scene, p)) as engine:
         motion = Simulator(scene, p, engine, start, began)
-        settling, part, kind = _settle_then_measure(motion, plan, [] if impacts is None else [impacts], detector, until)
+        settling, part, kind = _settle_then_measure(motion, plan, [] if impacts is None else [impacts], detector)
         work = engine.work
         stiff = stiffness(scene, engine.name, work["steps"], motion.restarts, motion.now - began)
     if settling.orbit is not None:
@@ -268,7 +249,6 @@ def _measure_by_simulation(
     row |= {"outcome": motion.outcome, "detail": motion.detail}
     final: list[float] | None = None
     heights: list[float] = []
-    search: SearchBeginning | None = None
     measures = whole_periods(part.measures, (kind and kind.period) or 1)
     values = measure(part._replace(measures=measures), scene)
     doubt = inaccuracy(values, scene) if kind is not None else ""
@@ -284,17 +264,10 @@ def _measure_by_simulation(
             errors |= dict.fromkeys(ERRORS[name] for name in rare_events(compared_values(blocks)))
         row |= row_of(values, scene, errors, settling.slip, period=kind.period) | columns_of(kind)
         row["notes"] = "; ".join(note for note in (row["notes"], kind.note, stiff) if note)
-        if (
-            plan.find_coexisting
-            and kind.motion in ("chaotic", "undecided")
-            and kind.period == 0
-            and detector is not None
-        ):
-            search = begin_search(scene, plan, part, motion.state, detector)
         if impacts is not None:
             points = section_points(part.measures, scene)
             heights = (points[-DIAGRAM_POINTS:, 1] * state_scales(scene)[1]).tolist()
-    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [], search)
+    return SweepPoint(row, final, heights, list(impacts.speeds) if final and impacts else [])
 
 
 class _Impacts:
@@ -314,12 +287,11 @@ def _settle_then_measure(
     plan: SweepPlan,
     observers: Sequence[Observer],
     detector: OrbitDetector | None = None,
-    until: Until = never,
 ) -> tuple[SettlingResult, MeasuredInterval, MotionClass | None]:
     """Settle, measure and classify a motion; settle again if it turns out not to have settled.
 
     Motion that does not repeat is measured in blocks, from which the errors of its measures follow. A motion that
-    ended early has no kind, also one that ended ``until`` a block.
+    ended early has no kind.
     """
     limit = plan.max_settle_s
     while True:
@@ -328,10 +300,10 @@ def _settle_then_measure(
             return settling, motion.advance(0.0, scope=SECTION_POINTS), None
         if settling.reason == "maximum":
             seconds = BLOCKS * plan.measure_s
-            part = motion.advance(seconds, blocks=BLOCKS, observers=observers, until=until, scope=WITH_EXTREMES)
+            part = motion.advance(seconds, blocks=BLOCKS, observers=observers, scope=WITH_EXTREMES)
         else:
             part = _measure(motion, plan.measure_s, settling, observers)
-        if motion.outcome != "ok" or until(part.blocks):
+        if motion.outcome != "ok":
             return settling, part, None
         points = section_points(part.measures, motion.scene)
         kind = classify(motion.scene, plan, settling, points, motion.state, last=limit > plan.max_settle_s)
@@ -339,7 +311,7 @@ def _settle_then_measure(
             break
         if settling.reason == "maximum":
             limit = SETTLE_EXTENSION * plan.max_settle_s
-    if kind.period == 0 and kind.motion != "undecided" and part.blocks and until is never:
+    if kind.period == 0 and kind.motion != "undecided" and part.blocks:
         part, longer_kind = _measure_longer(motion, plan, settling, part, kind, observers)
         if longer_kind is None:
             return settling, part, None
@@ -397,7 +369,6 @@ def _row_of_work(
     """Return the columns that do not depend on what was measured, of a motion that has not ended early."""
     return {
         "relative_rotation": scene.rotation,
-        "coexisting": "",
         "settle_s": settled,
         "outcome": "ok",
         "detail": "",

@@ -5,28 +5,26 @@ next task may depend on all results so far; what the generator returns is the re
 sent the stored records first: it repeats its decisions without computing anything, and continues where it was
 interrupted. A stored record is sent only for the very task that it belongs to, so that any records may be lost.
 
-A pool is this process, worker processes, or the workers of a dask scheduler. The result of a task depends on its
-arguments alone, so results do not depend on how chains are spread over workers.
+A pool is this process, worker processes, or an executor of :mod:`concurrent.futures`, such as that of dask. The result
+of a task depends on its arguments alone, so results do not depend on how chains are spread over workers.
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
-from contextlib import contextmanager, nullcontext
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from contextlib import ExitStack, contextmanager, nullcontext
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from pydantic import BaseModel
 
-from vibroplat.study.cluster import Cluster, WorkerLostError
-from vibroplat.study.store import Record, Store, aside_name, digest
+from vibroplat.study.executors import Executors, WorkerLostError, scheduler_executor
+from vibroplat.study.store import Record, Store, digest
 from vibroplat.system.interrupts import stop_if_asked, unwinding, watching
 from vibroplat.system.memory import is_short_of_memory
 from vibroplat.system.workers import Workers, core_count, one_thread, worker_processes
 
-#: Seconds without a result after which the pool is checked for workers.
-CHECK_AFTER_S = 1.0
 #: Longest time (s) until Ctrl-C is noticed while workers run.
 TICK_S = 0.1
 #: How many times a task that runs alone may lose its worker before it is given up.
@@ -44,15 +42,11 @@ class Task(NamedTuple):
         What is called. It returns a record, or an object whose attributes are one.
     on_worker_loss
         Makes the record of a task whose worker died more than once, from the reason. Without it the error is raised.
-    aside
-        Whether its chain goes on at once, and is sent None: it is done beside the chain, whose result does not depend
-        on it. Its record is the only one of a chain of its own; see :func:`vibroplat.study.store.aside_name`.
     """
 
     function: Callable[..., Any]
     arguments: tuple[Any, ...] = ()
     on_worker_loss: Callable[[str], Record] | None = None
-    aside: bool = False
 
     @property
     def digest(self) -> str:
@@ -75,7 +69,7 @@ def _json(model: BaseModel) -> str:
     return _TEXTS[-1][1]
 
 
-#: A generator of tasks that is sent their records, None for those aside.
+#: A generator of tasks that is sent their records.
 Tasks = Generator[Task, Record, T]
 
 
@@ -103,7 +97,6 @@ class StoredChain(Generic[T]):
         self._name = name
         self._place = -1
         self._result: T
-        self._asides = list[StoredChain[Any]]()
         self.next: Task | None = None
         self._send(None)
 
@@ -117,11 +110,6 @@ class StoredChain(Generic[T]):
         """What the generator has returned; only of a chain that is done."""
         assert self.done
         return self._result
-
-    def take_pending(self) -> list[StoredChain[Any]]:
-        """Return what is not done: this chain, and chains of tasks aside, each of these once."""
-        pending, self._asides = [*([] if self.done else [self]), *self._asides], []
-        return pending
 
     def accept(self, result: Any) -> None:
         """Store the result of the next task and move on to the one after it.
@@ -148,12 +136,6 @@ class StoredChain(Generic[T]):
             except StopIteration as end:
                 self.next, self._result = None, end.value
                 return
-            if self.next.aside:
-                name = aside_name(self._name, self._place)
-                aside = StoredChain(_alone(self.next._replace(aside=False)), self._records, name)
-                self._asides += [] if aside.done else [aside]
-                record = None
-                continue
             self._place += 1
             self._digest = self.next.digest
             record = self._records.get(self._name, self._place, self._digest)
@@ -197,13 +179,13 @@ def run_stored(
 def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[StoredChain[T]]:
     """Run all chains to their ends; yield the chain of each task after it has taken the result.
 
-    Chains take turns, so that all end at about the same time. Tasks aside take turns as chains do.
+    Chains take turns, so that all end at about the same time.
 
     When a worker dies, one of the tasks that were running has killed it. From then on each of them runs alone, until
     it has a result or has killed its worker :data:`MAX_LOSSES` times and is given up. A task that dask has given up
     runs alone too before it is lost: dask counts the death of a worker against every task that the worker held.
     """
-    waiting = deque(each for chain in chains for each in chain.take_pending())
+    waiting = deque(chain for chain in chains if not chain.done)
     suspects: deque[StoredChain[T]] = deque()
     deaths: Counter[int] = Counter()
     running: dict[Future[Any], StoredChain[T]] = {}
@@ -213,7 +195,7 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[Stor
         if suspects and suspects[0] is chain:
             suspects.popleft()
         chain.accept(result)
-        waiting.extend(chain.take_pending())
+        waiting.extend([] if chain.done else [chain])
         return chain
 
     with nullcontext() if isinstance(workers, Inline) else watching():
@@ -223,7 +205,7 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[Stor
                 assert chain.next is not None
                 running[workers.submit(chain.next.function, *chain.next.arguments)] = chain
             lost, killed = [], False
-            for future in _wait_for_task(running, workers):
+            for future in _wait_for_task(running):
                 chain = running.pop(future)
                 try:
                     result = future.result()
@@ -249,22 +231,20 @@ def run_chains(chains: Iterable[StoredChain[T]], workers: Pool) -> Iterator[Stor
                     suspects.extend(chain for chain in lost if chain not in suspects)
 
 
-def _wait_for_task(running: Iterable[Future[Any]], workers: Pool) -> set[Future[Any]]:
-    """Wait until a task has finished; end if a signal asks for it, and raise if all workers are gone."""
+def _wait_for_task(running: Iterable[Future[Any]]) -> set[Future[Any]]:
+    """Wait until a task has finished; end if a signal asks for it."""
     while True:
-        for _ in range(round(CHECK_AFTER_S / TICK_S)):
-            done = wait(running, timeout=TICK_S, return_when=FIRST_COMPLETED).done
-            stop_if_asked()
-            if done:
-                return done
-        workers.check()
+        done = wait(running, timeout=TICK_S, return_when=FIRST_COMPLETED).done
+        stop_if_asked()
+        if done:
+            return done
 
 
 # -- where tasks run --------------------------------------------------------------------------------------
 
 
 class Pool(Protocol):
-    """Where tasks run; by itself it replaces, looks for and stops nothing.
+    """Where tasks run; by itself it replaces and stops nothing.
 
     Attributes
     ----------
@@ -275,14 +255,10 @@ class Pool(Protocol):
     slots: int
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Start a task; its error is :class:`.WorkerLostError` if its worker died too often."""
+        """Start a task; its error is :class:`WorkerLostError` if its worker died too often."""
 
     def renew(self) -> None:
         """Replace workers that have died."""
-        return
-
-    def check(self) -> None:
-        """Raise :class:`.NoWorkersError` if no worker can answer any more."""
         return
 
     def close(self) -> None:
@@ -338,8 +314,10 @@ def _start_workers(jobs: int) -> Workers:
 
 
 @contextmanager
-def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | None = None) -> Iterator[Pool]:
-    """Open a pool: this process for one job, worker processes for more, or the workers of a dask scheduler.
+def pool(
+    jobs: int | None = 1, scheduler: str | None = None, executor: Executor | None = None, *, chains: int | None = None
+) -> Iterator[Pool]:
+    """Open a pool: this process for one job, worker processes for more, or an executor.
 
     While it is open, linear algebra has one thread in this process, as in workers.
 
@@ -349,6 +327,8 @@ def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | No
         Worker processes; None for as many as there are cores. There are at most as many as chains and as cores.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
+    executor
+        An executor of :mod:`concurrent.futures`, whose workers are used instead.
     chains
         The most chains that are run side by side, if that is known.
 
@@ -358,13 +338,16 @@ def pool(jobs: int | None = 1, scheduler: str | None = None, *, chains: int | No
         The scheduler does not answer, or dask.distributed is not installed.
     """
     processes = 1 if jobs == 1 else min(count for count in (jobs, chains, core_count()) if count is not None)
-    if scheduler is None and processes <= 1:
+    if scheduler is None and executor is None and processes <= 1:
         with one_thread():
             yield Inline()
         return
-    with unwinding(), one_thread():
-        opened: Pool = Processes(processes) if scheduler is None else Cluster(scheduler)
-        try:
-            yield opened
-        finally:
-            opened.close()
+    with unwinding(), one_thread(), ExitStack() as stack:
+        opened: Pool
+        if scheduler is not None:
+            of_dask, killed = stack.enter_context(scheduler_executor(scheduler))
+            opened = Executors(of_dask, f"the scheduler at {scheduler}", (killed,))
+        else:
+            opened = Processes(processes) if executor is None else Executors(executor)
+        stack.callback(opened.close)
+        yield opened

@@ -10,7 +10,7 @@ transients end in periodic motion, and only time distinguishes them from chaos.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -64,31 +64,6 @@ class KnownOrbit(NamedTuple):
     impact_speeds: list[float]
 
 
-class NearReturn(NamedTuple):
-    """A return of an aperiodic motion to near its section's point: turns, distance (scaled units), full state."""
-
-    turns: int
-    distance: float
-    state: Sequence[float]
-
-
-class NearReturnOrbits(NamedTuple):
-    """A search for a stable orbit near an aperiodic motion.
-
-    Attributes
-    ----------
-    orbit
-        The stable orbit; None if none was found.
-    trials, left
-        Numbers of returns from which Newton's method began, and of unstable orbits from the sides of which motion was
-        followed.
-    """
-
-    orbit: KnownOrbit | None
-    trials: int
-    left: int
-
-
 class OrbitDetector(Protocol):
     """Searches for the orbit that a motion converges to."""
 
@@ -112,12 +87,6 @@ class OrbitDetector(Protocol):
 
         Its section has these points, in scaled units, and contracts after a period (turns), or 0.
         """
-
-    def near_returns(self, points: FloatArray, states: FloatArray) -> list[NearReturn]:
-        """Choose near returns of a section, for trials in this order: its points, in scaled units, and full states."""
-
-    def search_near_returns(self, returns: Sequence[NearReturn]) -> NearReturnOrbits:
-        """Search for orbits from near returns."""
 
     def close(self) -> None:
         """Free what the engine holds."""

@@ -221,10 +221,6 @@ class Store:
                     raise CorruptRecordError(f"{self._path}: a record is damaged; --resume computes it again")
                 yield index, _record(content[1])
 
-    def read_aside(self, chain: int | str, index: int) -> Record | None:
-        """Return the record of the task aside after that of a place of a chain; None if there is none."""
-        return next((record for _, record in self.read(aside_name(chain, index))), None)
-
     def namespace(self, name: str) -> Store:
         """Return the same store with names of chains of its own, for one purpose."""
         part = copy(self)
@@ -328,11 +324,6 @@ def _remove(files: Sequence[Path]) -> None:
     for file in files:
         with suppress(OSError):
             file.unlink()
-
-
-def aside_name(chain: int | str, index: int) -> str:
-    """Name the chain of the task aside that comes after the task of a place of a chain; there is one at most."""
-    return f"{chain} aside {index}"
 
 
 def _is_of_code(key: str) -> bool:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from typing import Annotated, Any, ClassVar, NamedTuple, TypedDict, Unpack, get_type_hints
 
 import numpy as np
 from pydantic import Field
 
 from vibroplat.columns import Columns
-from vibroplat.config.arguments import validated
+from vibroplat.config.arguments import instance_of, validated
 from vibroplat.config.engine_choice import engine_note
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene, SceneArgument
@@ -131,16 +132,24 @@ class Options(TypedDict, total=False):
         Worker processes; with 1 the tasks run in this process.
     scheduler
         Address of a dask scheduler, whose workers are used instead.
+    executor
+        An executor of :mod:`concurrent.futures`, such as that of loky or mpi4py, whose workers are used instead.
     progress
         Called with the numbers of what is done and of all that is known.
     """
 
     jobs: Annotated[int, Field(ge=1)] | None
     scheduler: str | None
+    executor: Executor
     progress: Progress
 
 
-@validated(scene=SceneArgument, options=get_type_hints(Options, include_extras=True))
+_OPTIONS = get_type_hints(Options, include_extras=True) | {
+    "executor": instance_of(Executor, "an executor of concurrent.futures")
+}
+
+
+@validated(scene=SceneArgument, **_OPTIONS)
 def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Options]) -> Result:
     """Run the study of a scene and store nothing.
 
@@ -149,13 +158,13 @@ def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Op
     ConfigError
         The scene or an option is none, or the scheduler does not answer.
     NoWorkersError
-        The scheduler has no workers, or has gone.
+        The scheduler or the executor is gone.
     IncompatibleWorkerError
         A worker would give other bits than this process.
     """
     study, progress = kind(scene), options.get("progress", lambda done, known: None)
-    jobs, scheduler = options.get("jobs", 1), options.get("scheduler")
-    with Store(None, {}) as store, pool(jobs, scheduler, chains=study.chains(store)) as workers:
+    where = options.get("jobs", 1), options.get("scheduler"), options.get("executor")
+    with Store(None, {}) as store, pool(*where, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)
         result.tables.make_all()  # while there is a store
         note_computation(result)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import islice
-from typing import Any, Unpack
+from typing import Unpack
 
 import pandas as pd
 
@@ -21,7 +21,6 @@ from vibroplat.report.summary import MEASURES
 from vibroplat.results.answer import Answer, counted
 from vibroplat.results.result import Result
 from vibroplat.study.answer import short_answer, sync_counts
-from vibroplat.study.attractor_search import failed_search, search_coexisting
 from vibroplat.study.bands import BANDS, band_lines, bands
 from vibroplat.study.branches import (
     BRANCH,
@@ -34,7 +33,6 @@ from vibroplat.study.branches import (
     scene_at,
     study_table,
 )
-from vibroplat.study.classification import SearchBeginning
 from vibroplat.study.point import (
     ERRORS,
     LOAD_MEASURES,
@@ -53,7 +51,7 @@ from vibroplat.study.study import ALLOWED, COMPARED, CrossCheckCase, Options, Pr
 COLUMNS = (
     *("direction", "branch", "relative_rotation"),
     *MOTION_MEASURES,
-    *("sync", "motion", "period", "multiplier_max", "coexisting"),
+    *("sync", "motion", "period", "multiplier_max"),
     *LOAD_MEASURES,
     *("lyapunov_per_s", "lyapunov_error_per_s"),
     *ERRORS.values(),
@@ -127,10 +125,9 @@ class SweepStudy(Study):
                     yield branch.scene.replace({branch.swept: end(branch.key_values)})
 
     def chains(self, store: Store) -> int:
-        """Return the number of branches whose points are not all stored; twice it if searches go on beside them."""
+        """Return the number of branches whose points are not all stored."""
         stored = store.lengths()
-        count = sum(stored.get(branch.chain, 0) < len(branch.key_values) for branch in self.branches)
-        return count if self.scene.sweep is None or not self.scene.sweep.find_coexisting else 2 * count
+        return sum(stored.get(branch.chain, 0) < len(branch.key_values) for branch in self.branches)
 
     def run(self, store: Store, workers: Pool, progress: Progress) -> Result:
         """Measure the points of all branches."""
@@ -170,6 +167,8 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
 
         * ``jobs``: number of worker processes;
         * ``scheduler``: address of a dask scheduler, whose workers are used instead;
+        * ``executor``: any executor of :mod:`concurrent.futures`, whose workers are used instead: that of loky or
+          mpi4py, or ``client.get_executor()`` of dask;
         * ``progress``: function that is called with the numbers of finished and of all points.
 
     Returns
@@ -183,7 +182,7 @@ def sweep(scene: Scene, **options: Unpack[Options]) -> Result:
     ConfigError
         The scene has no section ``sweep``, a value of its grid is not allowed, or the scheduler does not answer.
     NoWorkersError
-        The scheduler has no workers, or the connection to it is lost.
+        The scheduler or the executor is gone.
     IncompatibleWorkerError
         A worker has other versions and would compute other bits than this process.
 
@@ -220,7 +219,7 @@ def run_branches(
 def branch_points(branch: SweepBranch, take: Callable[[Record], object]) -> Tasks[None]:
     """Measure the points of a branch, each begun with the state in which the last good one ended.
 
-    ``take`` is called with the record of each point. Searches for attractors that coexist with a point are tasks aside.
+    ``take`` is called with the record of each point.
     """
     state: list[float] | None = None
     for index, value in enumerate(branch.key_values):
@@ -228,8 +227,6 @@ def branch_points(branch: SweepBranch, take: Callable[[Record], object]) -> Task
         record = yield Task(point_along, (branch.scene, value, state, branch.perturbation_key(value)), failed_record)
         state = record["state"] or state
         take(record)
-        if record["search"] is not None:
-            yield Task(search_along, (branch.scene, value, record["search"]), failed_search, aside=True)
 
 
 def point_along(first: Scene, value: float, state: list[float] | None, key: tuple[int, ...]) -> SweepPoint:
@@ -242,15 +239,8 @@ def point_along(first: Scene, value: float, state: list[float] | None, key: tupl
     return measure_point(scene_at(first, plan.swept.key, value), plan, state, key)
 
 
-def search_along(first: Scene, value: float, beginning: Sequence[Any]) -> Record:
-    """Search for attractors that coexist with a point of a branch, from where its record says."""
-    plan = first.sweep
-    assert plan is not None
-    return search_coexisting(scene_at(first, plan.swept.key, value), plan, SearchBeginning(*beginning))
-
-
 def branch_records(branch: SweepBranch, store: Store) -> Iterator[Record]:
-    """Yield the records of all points of a branch, with the results of searches in their rows.
+    """Yield the records of all points of a branch.
 
     Raises
     ------
@@ -261,11 +251,6 @@ def branch_records(branch: SweepBranch, store: Store) -> Iterator[Record]:
     for index, record in store.read(branch.chain):
         if index != count or count == len(branch.key_values):
             break
-        if record["search"] is not None:
-            searched = store.read_aside(branch.chain, index)
-            if searched is None:
-                break
-            record["row"] |= searched
         yield record
         count += 1
     if count < len(branch.key_values):
@@ -275,21 +260,21 @@ def branch_records(branch: SweepBranch, store: Store) -> Iterator[Record]:
 def point_cases(planned: Sequence[SweepBranch], store: Store, other: Callable[[Scene], Scene]) -> list[CrossCheckCase]:
     """Choose points, as far from each other as they can be, that start as they did and must give the same motion.
 
-    Left out are points that are undecided, and chaotic ones beside which other motions are known.
+    Left out are points that are undecided, and chaotic ones: another engine may lead them to another attractor.
     """
     rows = enumerate(row for *_, row in _starts(planned, store))
-    decided = [n for n, row in rows if row.get("motion") not in (None, "undecided") and not row["coexisting"]]
+    decided = [n for n, row in rows if row.get("motion") not in (None, "undecided", "chaotic")]
     chosen = {*choose_evenly(decided)}
     cases = []
     for number, (branch, index, state, row) in enumerate(_starts(planned, store)):
         if number in chosen:
-            value, plan = branch.key_values[index], branch.plan.model_copy(update={"find_coexisting": False})
-            task = point_task(other(branch.at(index)), plan, state, branch.perturbation_key(value))
+            value = branch.key_values[index]
+            task = point_task(other(branch.at(index)), branch.plan, state, branch.perturbation_key(value))
             keys = {column_of(branch.swept): value, **branch.grid}
             swept = ", ".join(f"{key} = {at}" for key, at in keys.items())
             known = {name: row[name] for name in (*COMPARED, PHASE_COLUMN)}
             # a motion that was not measured on its orbit is as far from it as settling leaves it
-            left = 0.0 if row.get("multiplier_max") is not None else plan.settle_tolerance
+            left = 0.0 if row.get("multiplier_max") is not None else branch.plan.settle_tolerance
             where = f"at {swept}, branch {branch.number} ({branch.direction})"
             cases.append(CrossCheckCase(where, task, known, max(ALLOWED, 10.0 * left)))
     return cases
@@ -406,6 +391,12 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
     if unknown and "conveying_speed_m_per_s" in table:
         lines.append(
             f"{HINT}{counted(unknown, 'point')} may be chaotic or not: exponents are not computed with transport"
+        )
+    chaotic = int((table["motion"] == "chaotic").sum())
+    if chaotic:
+        lines.append(
+            f"{HINT}{counted(chaotic, 'chaotic point')}: other attractors were not looked for: basins; chaos that ends "
+            "only after sweep.measure_s looks alike"
         )
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():

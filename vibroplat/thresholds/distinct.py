@@ -1,14 +1,13 @@
 """Whether attractors can be told apart: beside chaos, the class of a motion may depend on its seed and its duration.
 
-A stable orbit that is known is a class of its own, and so is every synchronization: where seeds decide between two of
-them, the interval is mixed. The class of any other motion counts only if it stays the same with another seed and with
-twice the settling and measuring time.
+Motion that repeats is a class of its own, and so is an exciter that hangs. A change beside any other motion is
+doubtful: only the point at which an orbit loses its stability can be located there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, groupby
+from itertools import combinations, groupby, pairwise
 from typing import NamedTuple
 
 from vibroplat.columns import unit_of
@@ -22,10 +21,6 @@ MEASURES = ("rms_y_m", "rms_x_m", "excitation_frequency_hz", "flight_fraction", 
 MAX_SCATTER = 0.05
 #: Amplitude (m) below which a vibration is a remainder.
 NEGLIGIBLE_M = 1e-7
-#: Fraction of the maximum settling time after which a motion beside an aperiodic one comes to its orbit by chance: with
-#: a quarter of the time it would have had another class. Where chaos is a transient, its durations are distributed
-#: exponentially.
-LATE_FRACTION = 0.25
 
 Pair = tuple[ScanPoint, ScanPoint]
 
@@ -38,26 +33,18 @@ class Indistinct(NamedTuple):
     low, high
         Its ends: the changes of the attractor in it were not narrowed.
     pairs
-        Motions at one value, of which another seed or twice the time has made another one.
-    late
-        Motions that came to their orbits only after so long that others may do so as well.
+        Motions at one value, of which another seed has made another one.
     """
 
     low: float
     high: float
     pairs: Sequence[Pair]
-    late: Sequence[ScanPoint] = ()
-
-
-def is_known_orbit(value: ScanPoint) -> bool:
-    """Whether the motion is on a stable orbit, which is known."""
-    return value.row.get("multiplier_max") is not None and bool(value.row["period"]) and not value.leaving
 
 
 def is_doubtful(change: Pair) -> bool:
-    """Whether a change is between motions of one synchronization that are not both known orbits."""
-    same = change[0].row["sync"] == change[1].row["sync"]
-    return same and not all(map(is_known_orbit, change))
+    """Whether a side of a change does not repeat, so that its class may be luck; a capture is none."""
+    repeat = all(value.row["period"] and not value.leaving for value in change)
+    return not repeat and change[0].hangs == change[1].hangs
 
 
 def unstable_classes(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
@@ -70,14 +57,20 @@ def unstable_classes(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
     return pairs
 
 
-def indistinct(doubtful: Sequence[Pair], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct | None:
-    """Return the range of doubtful changes of a scan, if the class of a motion is unstable in it."""
-    pairs = unstable_classes(values, plan)
-    ends = {end.value: end for change in doubtful for end in change if is_known_orbit(end)}
-    late = [end for end in ends.values() if end.row["settle_s"] > LATE_FRACTION * plan.max_settle_s]
-    if not (doubtful and (pairs or late)):
-        return None
-    return Indistinct(doubtful[0][0].value, doubtful[-1][1].value, pairs, late)
+def neighbours_that_differ(values: Sequence[ScanPoint], plan: FindPlan) -> list[Pair]:
+    """Return the pairs of neighbours with different outcomes, in ascending order."""
+    good = sorted((one for one in values if one.is_classified(plan)), key=lambda one: one.value)
+    return [(one, other) for one, other in pairwise(good) if one.outcome(plan) != other.outcome(plan)]
+
+
+def indistinct(changes: Sequence[Pair], values: Sequence[ScanPoint], plan: FindPlan) -> Indistinct | None:
+    """Return the range of those of these changes, in ascending order, that are doubtful; None if none is.
+
+    Changes between two synchronizations count only if there are no others, as they can be asked for by themselves.
+    """
+    doubtful = [change for change in changes if plan.of_motion and is_doubtful(change)]
+    within = [change for change in doubtful if change[0].row["sync"] == change[1].row["sync"]] or doubtful
+    return Indistinct(within[0][0].value, within[-1][1].value, unstable_classes(values, plan)) if within else None
 
 
 def measures_to_ask(found: Indistinct, values: Sequence[ScanPoint]) -> list[str]:

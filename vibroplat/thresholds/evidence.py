@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from vibroplat.config.study_plans import FindPlan
-from vibroplat.thresholds.values import ScanPoint
+from vibroplat.thresholds.values import LEVEL_CROSSING, OPPOSITE_CROSSING, ScanPoint, has_errors
 
 #: Largest number of rounds.
 MAX_ROUNDS = 10
@@ -39,7 +39,7 @@ VALUES_PER_ROUND, LATER_VALUES = 30, 4
 #: Values all over the range that begin with other seeds, and where the first is in its part of the range: not in the
 #: middle, where one of the scan may be.
 VALUES_BETWEEN, FIRST_OFFSET = 12, 0.382
-#: Kind of a change between neighbours of the scan that is not narrowed, as attractors cannot be told apart.
+#: Kind of a change that is not narrowed, as attractors cannot be told apart.
 NOT_NARROWED = "not-narrowed"
 
 
@@ -63,6 +63,22 @@ class Threshold(NamedTuple):
     value: float
     kind: str
     special: str
+
+
+def may_depend_on_seed(one: Threshold, plan: FindPlan) -> bool:
+    """Whether a threshold may depend on the seed: not where a sure measure crosses a level, or passes its opposite.
+
+    Without an expression the measures are sure where an orbit is known on both sides. Where an orbit loses stability
+    it may: starts may be captured long before.
+    """
+    orbits = not one.special and all(end.row.get("multiplier_max") is not None for end in (one.low, one.high))
+    crosses = one.kind in (LEVEL_CROSSING, OPPOSITE_CROSSING) and (plan.expression is not None or orbits)
+    return not (crosses and not has_errors(one.low, one.high, plan))
+
+
+def not_narrowed(low: ScanPoint, high: ScanPoint) -> Threshold:
+    """Return the change between two values as it is."""
+    return Threshold(low, high, 0.5 * (low.value + high.value), NOT_NARROWED, "")
 
 
 class ClearRange(NamedTuple):

@@ -29,26 +29,30 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.distinct import Indistinct, indistinct, is_doubtful, is_known_orbit
+from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful, neighbours_that_differ
 from vibroplat.thresholds.evidence import (
     FIRST_STARTS,
     MAX_ROUNDS,
     NOT_NARROWED,
     STARTS,
+    VALUES_BETWEEN,
     ScaledKey,
     Threshold,
     Zone,
     is_wanted,
+    may_depend_on_seed,
+    not_narrowed,
     zones,
 )
 from vibroplat.thresholds.values import (
     ScanPoint,
     evaluate,
-    has_errors,
+    kind_of_crossing,
     measures_meet,
     relative_difference,
     scale_of,
     start_time,
+    sure_around,
     with_final_supply,
 )
 
@@ -91,7 +95,7 @@ class ThresholdSearch:
     evaluated
         All values that were evaluated besides those of the scan, in the order of chains.
     indistinct
-        Where attractors cannot be told apart, so that nothing is narrowed; None if they can.
+        Where attractors cannot be told apart, so that changes are not narrowed; None if they can.
     """
 
     scene: Scene
@@ -105,7 +109,7 @@ class ThresholdSearch:
     def __post_init__(self) -> None:
         self._places = ScaledKey(self.plan)
         self._done = self._known = 0
-        self._doubtful: list[tuple[ScanPoint, ScanPoint]] = []  # changes of the scan
+        self._beside_chaos = False
         #: Seeds after that of the scene, each for one start only: none that was seen says how another fares.
         self._seeds = count(1)
 
@@ -115,43 +119,31 @@ class ThresholdSearch:
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
         changes = self._changes(scan)
-        between = self._places.between() if self.disturbed else []
-        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in between])
-        if others and not changes:  # what the seed of the scene alone does not show
-            changes = self._changes(sorted([*scan, *others], key=lambda value: value.value))
-        self._doubtful = [change for change in changes if is_doubtful(change)] if self.plan.of_motion else []
-        self.indistinct = self._test_classes(scan)
-        if self.indistinct is not None:
-            return scan, [Threshold(*ends, 0.5 * (ends[0].value + ends[1].value), NOT_NARROWED, "") for ends in changes]
-        found = self._run("border", [self._bisect(low, high) for low, high in changes])
-        thresholds = [threshold for threshold in found if threshold is not None]
-        self.indistinct = self._unstable_range(scan)
+        places = self._places_of_seeds(changes) if self.disturbed else []
+        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in places])
+        if others and not any(map(self._is_doubtful, changes)):
+            every = self._changes(sorted([*scan, *others], key=lambda value: value.value))
+            if not changes or any(map(self._is_doubtful, every)):  # what the seed of the scene alone does not show
+                changes = every
+        self._beside_chaos = any(map(self._is_doubtful, changes))
+        located = self._run("branch", [self._locate(*change) for change in changes])
+        left = [change for change, point in zip(changes, located, strict=True) if point is None]
+        narrowed: list[Threshold | None] = [not_narrowed(*change) for change in left]
+        if not any(map(self._is_doubtful, left)):
+            narrowed = self._run("border", [self._bisect(*change) for change in left])
+        thresholds = [threshold for threshold in (*located, *narrowed) if threshold is not None]
+        open_changes = [(one.low, one.high) for one in thresholds if one.kind == NOT_NARROWED]
+        self.indistinct = indistinct(open_changes, [*scan, *self.evaluated], self.plan)
         return scan, thresholds
 
-    def _unstable_range(self, scan: Sequence[ScanPoint]) -> Indistinct | None:
-        """Return the range in which attractors cannot be told apart, by all values so far."""
-        return indistinct(self._doubtful, [*scan, *self.evaluated], self.plan)
+    def _places_of_seeds(self, changes: Sequence[Pair]) -> list[float]:
+        """Return where starts have other seeds: beside chaos at sides of its changes, otherwise all over the range."""
+        sides = dict.fromkeys(end.value for change in changes if self._is_doubtful(change) for end in change)
+        return list(sides)[:: math.ceil(len(sides) / VALUES_BETWEEN)] if sides else self._places.between()
 
-    def _test_classes(self, scan: Sequence[ScanPoint]) -> Indistinct | None:
-        """Repeat the motions at doubtful changes with other seeds, then with twice the time, until a class changes.
-
-        Those on known orbits come first, as they cost least.
-        """
-        ends = {end.value: is_known_orbit(end) for change in self._doubtful for end in change}
-        orbits, others = ([at for at in ends if ends[at] == known] for known in (True, False))
-        seeds = [orbits, others] if self.disturbed else []
-        for stage, places in enumerate([*seeds, others]):
-            found = self._unstable_range(scan)
-            if found is not None:
-                return found
-            longer = stage == len(seeds)
-            tests = (
-                [self._single(at, "extended", times=2) for at in places]
-                if longer
-                else [self._single(at, "seed", next(self._seeds)) for at in places]
-            )
-            self._run(f"class-{stage}", tests)
-        return self._unstable_range(scan)
+    def _is_doubtful(self, change: Pair) -> bool:
+        """Whether attractors are compared, and those on both sides of a change cannot be told apart."""
+        return self.plan.of_motion and self.plan.from_ == "initial" and is_doubtful(change)
 
     @property
     def disturbed(self) -> bool:
@@ -196,14 +188,13 @@ class ThresholdSearch:
     def _differ(self, one: ScanPoint, other: ScanPoint) -> bool:
         return one.is_classified(self.plan) and other.is_classified(self.plan) and not self._alike(one, other)
 
-    def _changes(self, scan: Sequence[ScanPoint]) -> list[tuple[ScanPoint, ScanPoint]]:
-        """Return the neighbours between which the outcome changes, or measures leap; failed ones are left out."""
-        good = [value for value in scan if not value.failed]
+    def _changes(self, scan: Sequence[ScanPoint]) -> list[Pair]:
+        """Return the neighbours, of those with an outcome, between which it changes, or measures leap."""
+        good = [value for value in scan if not (value.failed or value.is_either_side(self.plan))]
         leaps = [False] * (len(good) - 1)
         if self.plan.of_motion:
-            leaps = find_jumps(
-                pd.DataFrame([{column_of(self.plan.key): value.value, **value.row} for value in good])
-            ).tolist()
+            rows = [{column_of(self.plan.key): value.value, **value.row} for value in good]
+            leaps = find_jumps(pd.DataFrame(rows)).tolist()
         return [ends for ends, leap in zip(pairwise(good), leaps, strict=False) if leap or not self._alike(*ends)]
 
     # -- from value to value -------------------------------------------------------------------------------------------
@@ -234,24 +225,28 @@ class ThresholdSearch:
             point = yield from self._locate_on_branch(first, ahead[-1], abs(way[0] - first.value), evaluated)
         if point is not None:
             return ([], point), evaluated
+        before, threshold = first, None
         for at in way:
             value = yield from self._value(at, "scan", values[-1])
             values.append(value)
-            if value.failed or not self._alike(values[-2], value):
+            if value.failed:
                 break
-        threshold = None
-        if not values[-1].failed and not self._alike(*values[-2:]):
-            threshold, more = yield from self._bisect(*values[-2:])
-            evaluated += more
+            if value.is_either_side(self.plan):
+                continue
+            if not self._alike(before, value):
+                threshold, more = yield from self._locate(before, value)
+                evaluated += more
+                if threshold is None:
+                    threshold, more = yield from self._bisect(before, value)
+                    evaluated += more
+                break
+            before = value
         return (values[1:], threshold), evaluated
 
     # -- one change ----------------------------------------------------------------------------------------------------
 
-    def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
-        """Narrow a change between two values, the motion of the first of which is continued with ``previous``.
-
-        There is none where measures that leap between values of the scan meet as they draw nearer.
-        """
+    def _locate(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
+        """Look for a change between two values on the branch of an orbit, with ``previous`` on that of the first."""
         evaluated: list[ScanPoint] = []
         for begin, end in ((one, other), (other, one)):
             point = yield from self._locate_on_branch(begin, end.value, abs(other.value - one.value), evaluated)
@@ -259,22 +254,34 @@ class ThresholdSearch:
                 return point, evaluated
             if self.plan.from_ == "previous":
                 break
-        first = one
-        while abs(other.value - one.value) > self.plan.narrow:
+        return None, evaluated
+
+    def _bisect(self, one: ScanPoint, other: ScanPoint) -> Tasks[tuple[Threshold | None, list[ScanPoint]]]:
+        """Narrow a change between two values, the motion of the first of which is continued with ``previous``.
+
+        There is none where measures that leap between values of the scan meet as they draw nearer. It is not narrowed
+        further where attractors on both sides cannot be told apart.
+        """
+        evaluated: list[ScanPoint] = []
+        ends, before = (one, other), one if self.plan.from_ == "previous" else None
+        while abs(other.value - one.value) > self.plan.narrow and not self._is_doubtful((one, other)):
             nearer = yield from self._halve(one, other, evaluated)
             if nearer is None:
                 break
             one, other = nearer
+        if self._is_doubtful((one, other)):
+            return not_narrowed(one, other), evaluated
         meet = yield from self._meet(one, other, evaluated)
         if meet and self._alike(one, other):
             return None, evaluated
-        kind = "level-crossing" if meet else "jump"
-        for end in (one, other):
-            longer = yield from self._value(end.value, "extended", first if self.plan.from_ == "previous" else None, 2)
+        low, high = sorted((one, other), key=lambda value: value.value)
+        low, high = sure_around(low, high, [*ends, *evaluated], self.plan)
+        kind = kind_of_crossing(low, high, self.plan) if meet else "jump"
+        for end in (low, high):
+            longer = yield from self._value(end.value, "extended", before, 2)
             evaluated.append(longer)
             if longer.failed or not self._alike(longer, end):
                 kind = "unresolved-transient"
-        low, high = sorted((one, other), key=lambda value: value.value)
         return Threshold(low, high, 0.5 * (low.value + high.value), kind, ""), evaluated
 
     def _halve(
@@ -348,7 +355,7 @@ class ThresholdSearch:
         if inner.failed or outer.failed or not self._alike(begin, inner) or (lingers and not self.plan.of_motion):
             return None
         gradual = relative_difference(inner, outer, self.plan) < MAX_GRADUAL * scale_of(inner, outer, self.plan)
-        kind = "level-crossing" if gradual else "jump"
+        kind = kind_of_crossing(inner, outer, self.plan) if gradual else "jump"
         low, high = sorted((inner, outer), key=lambda value: value.value)
         return Threshold(low, high, at, "unresolved-transient" if lingers else kind, special[0]["kind"])
 
@@ -359,48 +366,41 @@ class ThresholdSearch:
 
         Rounds of starts, each with a seed of its own, follow beyond both ends of a mixed interval and beyond both sides
         of a jump until none in a round contradicts, as a sharp threshold must not depend on the seed; so they do where
-        measures meet within their standard errors, where a measure of chaos scatters around a level. A start that
-        shows that attractors cannot be told apart ends the rounds. Nothing is searched for with ``previous``, where the
-        outcome at a value depends on the way to it, nor where attractors cannot be told apart.
+        measures meet within their standard errors, where a measure of chaos scatters around a level. Nothing is
+        searched for with ``previous``, where the outcome at a value depends on the way to it, nor beside chaos.
         """
-        if self.plan.from_ == "previous" or self.indistinct is not None:
+        if self.plan.from_ == "previous" or self._beside_chaos or self.indistinct is not None:
             return zones([*scan, *self.evaluated], thresholds, self.plan)
         searched: set[tuple[float, bool]] = set()
         for number in range(MAX_ROUNDS + 1):
             all_zones = zones([*scan, *self.evaluated], thresholds, self.plan)
             ends = [end for zone in all_zones for end in self._open_ends(zone, searched)]
-            if not ends or number == MAX_ROUNDS:
+            if not ends or number == MAX_ROUNDS or self.indistinct is not None:
                 break
             searched |= {(zone.edges[upward], upward) for zone, upward in ends}
             self._challenge_ends(number, ends)
-            self.indistinct = self._unstable_range(scan)
-            if self.indistinct is not None:
-                return zones([*scan, *self.evaluated], thresholds, self.plan)
         growing = [zone for zone, _ in ends]
         return [zone._replace(open_ended=any(zone is one for one in growing)) for zone in all_zones]
 
-    def _jumps(self, one: Threshold) -> bool:
-        """Whether a threshold may depend on the seed: not where a sure measure crosses a level.
-
-        Where an orbit loses stability it may: starts may be captured long before.
-        """
-        crosses = one.kind == "level-crossing" and self.plan.expression is not None
-        return not (crosses and not has_errors(one.low, one.high, self.plan))
-
     def _open_ends(self, zone: Zone, searched: Collection[tuple[float, bool]]) -> list[tuple[Zone, bool]]:
         """Return a zone with each of its ends, True for the upper one, beyond which no round was."""
-        if not (zone.mixed or any(map(self._jumps, zone.thresholds))):
+        if not (zone.mixed or any(may_depend_on_seed(one, self.plan) for one in zone.thresholds)):
             return []
         return [(zone, upward) for upward in (False, True) if (zone.edges[upward], upward) not in searched]
 
     def _challenge_ends(self, number: int, ends: Sequence[tuple[Zone, bool]]) -> None:
-        """Make a round of starts beyond ends of zones, in batches; an end that is contradicted has no more of them."""
+        """Make a round of starts beyond ends in batches, until one contradicts the end or shows chaos."""
         for batch in range(len(BATCHES)):
-            chains = [list(self._beyond(*end, number, batch)) for end in ends]
-            tasks = [one for of_end in chains for one in of_end]
-            contradicted = iter(self._run(f"beyond-{number}-{batch}", tasks))
-            found = [any(list(islice(contradicted, len(of_end)))) for of_end in chains]
-            ends = [end for end, differs in zip(ends, found, strict=True) if not differs]
+            clear = []
+            for place, end in enumerate(ends):
+                found = self._run(f"beyond-{number}-{batch}-{place}", list(self._beyond(*end, number, batch)))
+                if not any(found):
+                    clear.append(end)
+                changes = neighbours_that_differ(self.evaluated, self.plan)
+                self.indistinct = indistinct(changes, self.evaluated, self.plan)
+                if self.indistinct is not None:
+                    return
+            ends = clear
 
     def _beyond(
         self, zone: Zone, upward: bool, number: int, batch: int

@@ -12,7 +12,7 @@ import pandas as pd
 
 from vibroplat.columns import TEXT, Columns, is_angle, unit_of
 from vibroplat.config.circular import bound_meaning, value_text
-from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places, quantity
+from vibroplat.config.digits import MOST_DECIMALS, decimal, given, interval, number, percent, places
 from vibroplat.config.keys import number_of
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.plausibility import WARNING
@@ -29,14 +29,17 @@ from vibroplat.study.pool import Pool, Task
 from vibroplat.study.store import Store
 from vibroplat.study.study import COMPARED, CrossCheckCase, Options, Progress, Study, run_study
 from vibroplat.study.sweep import SWEEP
-from vibroplat.thresholds.distinct import Indistinct, measures_to_ask
+from vibroplat.thresholds.distinct import Indistinct, is_doubtful, measures_to_ask
 from vibroplat.thresholds.evidence import ERROR_PROBABILITY, NOT_NARROWED, ClearRange, Threshold, Zone, facts, is_wanted
 from vibroplat.thresholds.search import ThresholdSearch, start_key
 from vibroplat.thresholds.tables import POINT_COLUMNS, SIDE_COLUMNS, TABLES, THRESHOLDS, VALUES
-from vibroplat.thresholds.values import ScanPoint, evaluate
+from vibroplat.thresholds.values import LEVEL_CROSSING, OPPOSITE_CROSSING, ScanPoint, evaluate
 
 #: Printed texts of kinds whose names alone are unclear.
-KIND_TEXTS = {"unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged"}
+KIND_TEXTS = {
+    "unresolved-transient": "the outcome changed with twice the settling time: the motion has not converged",
+    OPPOSITE_CROSSING: "no level-crossing, but the angle passes the opposite of the level",
+}
 #: Largest number of motions that show that attractors cannot be told apart, and of expressions that are proposed.
 MAX_LISTED = 3
 #: Outcomes of an expression in words.
@@ -182,22 +185,20 @@ class ThresholdStudy(Study):
     ) -> tuple[str, list[str]]:
         """Return the headline and the lines below it where attractors cannot be told apart."""
         key = column_of(self.plan.key)
-        lines = []
-        for one, other in found.pairs[:MAX_LISTED]:
-            how = "twice the settling time" if other.seed == one.seed else "another seed"
-            lines.append(f"at {place_words(key, one.value)}: {one.text}; with {how}: {other.text}")
-        for one in found.late[:MAX_LISTED]:
-            after = quantity(one.row["settle_s"], "s", digits=2)
-            lines.append(f"at {place_words(key, one.value)}: {one.text} only after {after} of another motion")
-        for change in [one for zone in zones for one in zone.thresholds if one.low.row["sync"] != one.high.row["sync"]]:
-            where = place_words(key, change.low.value, change.high.value)
-            lines.append(f"between {where}: {change.low.text} → {change.high.text}")
+        lines = ["ask for the synchronization instead: find.compare: regime"]
         asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
-        lines.append("ask for the synchronization instead: find.compare: regime")
         if asked:
             lines.append(f"or for a measure, find.expression: {asked}")
+        narrowed = [zone for zone in zones if any(one.kind != NOT_NARROWED for one in zone.thresholds)]
+        lines += [line for zone in narrowed for line in self._lines_of(zone)][:MAX_LISTED]
+        for one, other in found.pairs[:MAX_LISTED]:
+            lines.append(f"at {place_words(key, one.value)}: {one.text}; with another seed: {other.text}")
+        changes = [(one.low, one.high) for zone in zones for one in zone.thresholds if one.kind == NOT_NARROWED]
+        for low, high in sorted(changes, key=is_doubtful)[:MAX_LISTED]:
+            alone = "" if is_doubtful((low, high)) else "; narrowed in a range of its own"
+            lines.append(f"between {place_words(key, low.value, high.value)}: {low.text} → {high.text}{alone}")
         where = place_words(key, found.low, found.high)
-        return f"attractors cannot be told apart over {where}: their classes depend on seed or settling time", lines
+        return f"attractors cannot be told apart over {where}, beside motion that does not repeat", lines
 
     def _promise(self, zones: Sequence[Zone]) -> Iterator[str]:
         """Yield what starts at the same value, each with a seed of its own, tell of others; and how many are slow."""
@@ -273,7 +274,7 @@ class ThresholdStudy(Study):
 
     def _kind(self, one: Threshold) -> str:
         """Return the kind of a threshold in words; without an expression there is no level to cross."""
-        if one.kind == "level-crossing" and self.plan.expression is None:
+        if one.kind == LEVEL_CROSSING and self.plan.expression is None:
             return "the measures on both sides meet"
         return KIND_TEXTS.get(one.kind, one.kind)
 
@@ -327,7 +328,8 @@ class ThresholdStudy(Study):
 
     def _no_threshold(self, every: Sequence[ScanPoint]) -> tuple[str, list[str]]:
         """Return the headline and the line below it: how many values say so, and how far apart they are."""
-        plan, good = self.plan, [value for value in every if not value.failed and value.reason != "orbit"]
+        plan, known = self.plan, [value for value in every if not value.failed and value.reason != "orbit"]
+        good = [value for value in known if not value.is_either_side(plan)] or known
         key_range = f"from {plan.key} = {given(plan.start)} to {given(plan.stop)}"
         if not good:
             return f"nothing is known {key_range}", []

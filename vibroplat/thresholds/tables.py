@@ -17,8 +17,9 @@ SIDE_COLUMNS = (
 KINDS_OF_CHANGE = {
     "jump": "both sides keep their outcome with twice the settling time; their measures differ at any distance",
     "level-crossing": "the difference of the measures vanishes as the interval between both sides shrinks",
-    "not-narrowed": "between neighbours of the scan; attractors in the range cannot be told apart, because another "
-    "seed or twice the settling time changes the class of a motion",
+    "opposite-crossing": "an angle passes the value half a turn from the level, where what is above the level ends; "
+    "the level is not crossed",
+    "not-narrowed": "attractors in the range cannot be told apart, because motion near a change does not repeat",
     "unresolved-transient": "one side changes with twice the settling time, or is still leaving an unstable orbit",
 }
 #: What the columns mean.

@@ -30,7 +30,15 @@ from vibroplat.report.notes import slow_motors
 from vibroplat.report.synchronization import STAYING_TURNS
 from vibroplat.shooting.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.study.classification import NOT_SETTLED
-from vibroplat.study.point import ANTIPHASE, ERRORS, SweepPoint, failed_record, has_failed, measure_point
+from vibroplat.study.point import (
+    ANTIPHASE,
+    ANTIPHASE_OF_ORBITS,
+    ERRORS,
+    SweepPoint,
+    failed_record,
+    has_failed,
+    measure_point,
+)
 from vibroplat.study.store import Record
 
 #: Distance of an orbit from the motion that is on it, in scaled units, at most.
@@ -41,6 +49,8 @@ NOISE_ERRORS, SETTLING_ERROR = 3.0, 1e-7
 #: Ratio to which the difference across a change falls if the measure is continuous there, and halvings after the first
 #: move of both ends until then: a measure that grows with the square root of the distance falls to 0.18.
 MEETING_RATIO, MEETING_HALVINGS = 0.25, 6
+#: Kinds of thresholds at which measures meet: the level is crossed, or an angle passes the opposite of the level.
+LEVEL_CROSSING, OPPOSITE_CROSSING = "level-crossing", "opposite-crossing"
 _COMPARED = {">": operator.gt, ">=": operator.ge, "<": operator.lt, "<=": operator.le}
 
 
@@ -93,8 +103,25 @@ class ScanPoint(NamedTuple):
         return self.leaving or (self.row.get("motion") == "undecided" and self.row.get("period") is not None)
 
     def is_classified(self, plan: FindPlan) -> bool:
-        """Whether it has an outcome: not if the run failed, or the motion is undecided and attractors are compared."""
-        return not self.failed and not (plan.of_motion and self.row["motion"] == "undecided")
+        """Whether it has an outcome.
+
+        It has none if the run failed, if the motion is undecided and attractors are compared, or if an angle may be on
+        either side.
+        """
+        undecided = plan.of_motion and self.row.get("motion") == "undecided"
+        return not (self.failed or undecided or self.is_either_side(plan))
+
+    @property
+    def pi_margin(self) -> float:
+        """How far the phase difference may be above −π although its row shows π (rad); 0 if the row does not."""
+        return self.row.get("pi_margin", ANTIPHASE) if self.row.get(PHASE_COLUMN) == math.pi else 0.0
+
+    def is_either_side(self, plan: FindPlan) -> bool:
+        """Whether a phase difference shown as π may be on either side of the level, or of the level's opposite."""
+        if plan.compared is None or plan.compared[0] != PHASE_COLUMN:
+            return False
+        away = abs(beyond(PHASE_COLUMN, math.pi, plan.compared[2]))
+        return bool(min(away, math.pi - away) < self.pi_margin)
 
     @property
     def hangs(self) -> bool:
@@ -143,8 +170,8 @@ def uncertainty(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
     names = columns if plan.compared is None else plan.compared[:1]
     errors = {name: [value.row.get(ERRORS.get(name, "")) or 0.0 for value in (one, other)] for name in names}
     parts = {name: math.hypot(*pair) for name, pair in errors.items()}
-    if any(value.row.get("phase_difference_rad") == math.pi for value in (one, other)):  # rows show what is near it so
-        parts = {name: max(part, ANTIPHASE * is_angle(name)) for name, part in parts.items()}
+    margin = max(one.pi_margin, other.pi_margin)
+    parts = {name: max(part, margin * is_angle(name)) for name, part in parts.items()}
     if plan.compared is None:
         amplitude = max(math.hypot(*(value.row[name] or 0.0 for name in columns[:2])) for value in (one, other))
         speed = max(value.row[columns[2]] or 0.0 for value in (one, other))
@@ -179,6 +206,27 @@ def measures_meet(brackets: Sequence[tuple[ScanPoint, ScanPoint]], plan: FindPla
     return False if all(since[0][end].value != since[-1][end].value for end in (0, 1)) else None
 
 
+def kind_of_crossing(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> str:
+    """Return the kind of a change at which measures meet; an angle may pass half a turn from the level."""
+    if plan.compared is not None and is_angle(plan.compared[0]):
+        column, _, level = plan.compared
+        if sum(abs(beyond(column, value.row[column], level)) for value in (one, other)) > math.pi:
+            return OPPOSITE_CROSSING
+    return LEVEL_CROSSING
+
+
+def sure_around(
+    low: ScanPoint, high: ScanPoint, values: Sequence[ScanPoint], plan: FindPlan
+) -> tuple[ScanPoint, ScanPoint]:
+    """Return both ends of an interval, or the nearest values beyond them if an angle there may be on either side."""
+    sure = [value for value in values if not (value.failed or value.is_either_side(plan))]
+    if low.is_either_side(plan):
+        low = max((one for one in sure if one.value < low.value), key=lambda one: one.value, default=low)
+    if high.is_either_side(plan):
+        high = min((one for one in sure if one.value > high.value), key=lambda one: one.value, default=high)
+    return low, high
+
+
 def with_final_supply(scene: Scene) -> Scene:
     """Return the scene with the constant supply with which its program ends."""
     return scene if scene.drive.program is None else scene.replace({FREQUENCY: scene.drive.intervals[-1].frequency})
@@ -201,6 +249,10 @@ def evaluate(scene: Scene, plan: FindPlan, state: list[float] | None, times: int
     settled = with_final_supply(scene)
     point = measure_point(settled, plan.measuring(times, perturbation), state, key)
     row = point.row
+    error = row.get(ERRORS[PHASE_COLUMN])
+    row["pi_margin"] = ANTIPHASE if error is None else max(ANTIPHASE_OF_ORBITS, 2.0 * error)
+    if row.get("multiplier_max") is not None:
+        row["pi_margin"] = ANTIPHASE_OF_ORBITS
     if point.state is not None:
         measured = {"measured_from_s": row["settle_s"], "measured_to_s": row["simulated_s"]}
         row["slow"] = bool(slow_motors(settled, row | measured))
