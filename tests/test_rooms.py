@@ -19,6 +19,8 @@ ROOMS = (
     *(
         "integrate",
         "observe",
+        "shooting",
+        "report",
         "results",
         "inspection",
         "motion",

@@ -13,9 +13,9 @@ from vibroplat.continuation.newton import NoConvergenceError, Problem, correct, 
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.hybrid.state import initial_state
 from vibroplat.motion.recorder import Recorder
-from vibroplat.observe import shots
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation
+from vibroplat.shooting import shots
 
 KEY = "drive.supply_frequency_hz"
 
@@ -51,7 +51,7 @@ def test_there_is_room_for_all_events_of_a_shot(monkeypatch):
     scene = flying()
     with closing(Shooter(scene)) as shooter:
         whole = shooter.shot(initial_state(scene), 0.3, full=True)
-    monkeypatch.setattr(shots, "ROOM", 1)
+    monkeypatch.setattr(shots, "MAX_EVENTS", 1)
     with closing(Shooter(scene)) as shooter:
         found = shooter.shot(initial_state(scene), 0.3, full=True)
     np.testing.assert_array_equal(found.events, whole.events)

@@ -22,6 +22,10 @@ from vibroplat.kernels import cache
 from vibroplat.kernels.target import GENERIC, processor
 
 PACKAGE = Path(vibroplat.__file__).parent
+#: Folders with kernels.
+ROOMS = ("hybrid", "integrate", "kernels", "model", "observe", "shooting")
+#: A source with a kernel.
+KERNEL = "from vibroplat.kernels.compiled import inlined\n\n\n@inlined\ndef kernel(): ...\n"
 #: What is told where there is no place for machine code.
 NOWHERE = "no folder can be written to keep them, so each process compiles them; NUMBA_CACHE_DIR names one"
 
@@ -30,9 +34,12 @@ NOWHERE = "no folder can be written to keep them, so each process compiles them;
 def package(tmp_path, monkeypatch):
     """A package with one source in each room, in place of ours, as a new process finds it."""
     found = tmp_path / "site/vibroplat"
-    for room in cache.ROOMS:
+    for room in ROOMS:
         (found / room).mkdir(parents=True)
         (found / room / "source.py").write_text("one = 1\n")
+        (found / room / "kernel.py").write_text(KERNEL)
+    (found / "page").mkdir()
+    (found / "page/source.py").write_text("from vibroplat.kernels.compiled import FloatArray\n")
     for name in cache.SHARED:
         (found / name).parent.mkdir(exist_ok=True)
         (found / name).write_text("two = 2\n")
@@ -47,7 +54,7 @@ def package(tmp_path, monkeypatch):
 
 def forget():
     """Forget what this process has found, as a new one would not know it."""
-    for known in (cache._name, cache.folder, cache._readable, cache._tell_damaged, processor):
+    for known in (cache.rooms, cache._name, cache.folder, cache._readable, cache._tell_damaged, processor):
         known.cache_clear()
 
 
@@ -154,13 +161,15 @@ def test_first_engine_says_once_that_it_compiles(told, command, here, monkeypatc
 
 
 def test_change_of_any_source_is_another_folder(package):
-    places = [f"{room}/source.py" for room in cache.ROOMS] + list(cache.SHARED)
+    places = [f"{room}/source.py" for room in ROOMS] + list(cache.SHARED)
     folders = [found(package)]
     for place in places:
         (package / place).write_text("three = 3\n")
         folders.append(found(package))
     assert len(set(folders)) == 1 + len(places)
     assert {folder.parent for folder in folders} == {folders[0].parent}
+    (package / "page/source.py").write_text("three = 3\n")
+    assert found(package) == folders[-1]
 
 
 def test_other_compiler_or_setting_of_it_is_another_folder(package, monkeypatch):
@@ -196,7 +205,7 @@ def test_every_kernel_has_a_name_of_its_own_in_a_room_that_the_digest_covers():
     names = sorted(kernels_of_sources())
     assert len(names) > 100
     assert sorted(set(names)) == names
-    assert {path.rpartition("/")[0] for path, _ in names} <= set(cache.ROOMS)
+    assert {path.rpartition("/")[0] for path, _ in names} == set(cache.rooms()) == set(ROOMS)
 
 
 @pytest.mark.parametrize("how", ["lambda", "inside a function"])
@@ -214,9 +223,9 @@ def test_function_without_a_name_of_its_own_is_not_kept(how, monkeypatch):
 
 def test_no_number_that_the_digest_does_not_cover_is_imported_beside_kernels():
     """A constant from elsewhere would stay compiled into kernels."""
-    covered = {*cache.ROOMS, *(name.removesuffix(".py").replace("/", ".") for name in cache.SHARED)}
+    covered = {*cache.rooms(), *(name.removesuffix(".py").replace("/", ".") for name in cache.SHARED)}
     imported = set()
-    for path in {path for room in cache.ROOMS for path in (PACKAGE / room).glob("*.py")}:
+    for path in {path for room in cache.rooms() for path in (PACKAGE / room).glob("*.py")}:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("vibroplat."):
                 imported |= {(node.module.removeprefix("vibroplat."), name.name) for name in node.names}
@@ -335,11 +344,11 @@ def called(tmp_path, name, arguments):
 
 @pytest.mark.long
 def test_what_kernels_call_is_kept_for_kernels_of_later_processes(tmp_path):
-    """``value`` is compiled for ``at_highest`` alone, not for Python, and taken from disk for ``value_range``."""
+    """``value`` is compiled for ``at_highest`` alone, and taken from disk for ``first_downcrossing``."""
     assert called(tmp_path, "at_highest", "c, 3, 0").endswith(" 0 0")
     names = {path.name.split("-")[0] for path in tmp_path.rglob("*.bin")}
     assert names == {f"kernels.polynomial.{name}" for name in ("at_highest", "slope.inside", "value.inside")}
-    assert called(tmp_path, "value_range", "c, 3, 0, 0.0, 1.0, (1.0, 1.7)").endswith(" 1 0")
+    assert called(tmp_path, "first_downcrossing", "c, 3, 0, 0").endswith(" 1 0")
 
 
 def chosen(monkeypatch, features=None, **settings):

@@ -33,11 +33,10 @@ def rows(count, width, seed=0):
 def test_values_of_polynomials():
     for degree in (1, 3, 17):
         c, powers = rows(degree + 1, 16), np.arange(degree + 1.0)[:, np.newaxis]
-        one, two = np.empty((2, 16)), np.empty((2, 16))
+        one, two = np.empty((1, 16)), np.empty((2, 16))
         evaluate(c, degree, 0.3, one)
         evaluate_pair(c, degree, 0.3, 1.0, two)
         np.testing.assert_allclose(one[0], (c * 0.3**powers).sum(axis=0), atol=1e-13)
-        np.testing.assert_allclose(one[1], (powers * c * 0.3 ** (powers - 1.0)).sum(axis=0), atol=1e-13)
         np.testing.assert_allclose(two, [one[0], c.sum(axis=0)], atol=1e-13)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibroplat.hybrid.state import RUN
-from vibroplat.observe.assignment import ASSIGNED, FOLLOWED, GO_ON, Ellipsoids, Limits, decide
+from vibroplat.shooting.assignment import ASSIGNED, FOLLOWED, GO_ON, Ellipsoids, Limits, decide
 
 
 @pytest.mark.parametrize(("size", "fate"), [(0.02, ASSIGNED), (0.4, ASSIGNED), (0.6, GO_ON), (0.99, GO_ON)])

@@ -6,7 +6,7 @@ import pytest
 from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, simulate
-from vibroplat.observe.summary import inaccuracy
+from vibroplat.report.summary import inaccuracy
 
 
 @pytest.mark.parametrize("sticking", [0.0, 0.15])

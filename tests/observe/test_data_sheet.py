@@ -9,9 +9,9 @@ from common.places import QUICKSTART, ROOT
 from vibroplat import Scene, load_config, orbit, simulate, sweep
 from vibroplat.columns import split
 from vibroplat.errors import ConfigError
-from vibroplat.observe.data_sheet import SHEET, columns, whole_columns
-from vibroplat.observe.extremes import FORCE, empty_extremes, merge_extremes
-from vibroplat.observe.synchronization import converges, fluctuates
+from vibroplat.observe.extremes import CONTACT_FORCE, empty_extremes, merge_extremes
+from vibroplat.report.data_sheet import SHEET, columns, whole_columns
+from vibroplat.report.synchronization import converges, fluctuates
 from vibroplat.results.sheet import FURTHER, Sheet, all_lines
 
 POINTS = {"output.points": {"inlet": [-0.2, 0.1], "outlet": [0.25, 0.05], "top": [0.0, 0.3]}}
@@ -223,11 +223,11 @@ def test_a_peak_that_is_reached_again_keeps_its_first_time():
     """The value is the largest of all, and so is that of the measured part."""
     peaks = empty_extremes(3)
     for row, value in enumerate((1.0, 1.0 + 1e-13, 0.5)):
-        peaks["largest"][row, FORCE], peaks["at_largest"][row, FORCE] = value, row + 1.0
-        peaks["least"][row, FORCE], peaks["at_least"][row, FORCE] = -2.0 * value, row + 1.0
+        peaks["largest"][row, CONTACT_FORCE], peaks["at_largest"][row, CONTACT_FORCE] = value, row + 1.0
+        peaks["least"][row, CONTACT_FORCE], peaks["at_least"][row, CONTACT_FORCE] = -2.0 * value, row + 1.0
     found = merge_extremes(peaks)
-    assert (found["largest"][FORCE], found["at_largest"][FORCE]) == (1.0 + 1e-13, 1.0)
-    assert (found["least"][FORCE], found["at_least"][FORCE]) == (-2.0 * (1.0 + 1e-13), 1.0)
+    assert (found["largest"][CONTACT_FORCE], found["at_largest"][CONTACT_FORCE]) == (1.0 + 1e-13, 1.0)
+    assert (found["least"][CONTACT_FORCE], found["at_least"][CONTACT_FORCE]) == (-2.0 * (1.0 + 1e-13), 1.0)
 
 
 def test_exciters_that_swing_have_no_speed_at_a_peak():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vibroplat.observe.multipliers import multipliers_of
+from vibroplat.shooting.multipliers import multipliers_of
 
 
 def test_the_largest_is_first_and_of_a_pair_that_above_the_real_axis():

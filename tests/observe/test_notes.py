@@ -7,9 +7,9 @@ from common.places import QUICKSTART, ROOT
 
 from vibroplat import load_config, simulate
 from vibroplat.config.digits import percent
-from vibroplat.observe.data_sheet import whole_run
-from vibroplat.observe.notes import SlowMotor, free_swing, slow_motors
 from vibroplat.observe.section import section_rows
+from vibroplat.report.data_sheet import whole_run
+from vibroplat.report.notes import SlowMotor, free_swing, slow_motors
 from vibroplat.results.run_answer import headline
 from vibroplat.results.sheet import Sheet, short_lines
 

@@ -10,14 +10,14 @@ from vibroplat import simulate
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import compiled
 from vibroplat.kernels.lanes import in_lines
-from vibroplat.observe.data_sheet import whole_run
 from vibroplat.observe.extremes import HEIGHT, NODES, REACH, Equations, Span, empty_extremes
 from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES
 from vibroplat.observe.peaks import EIGHT, beyond_limits, polish
 from vibroplat.observe.room import ROOM
 from vibroplat.observe.section import section_rows
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import measure, synchronization
+from vibroplat.report.data_sheet import whole_run
+from vibroplat.report.summary import measure, synchronization
 from vibroplat.study.classification import block_values
 
 

@@ -27,7 +27,7 @@ from vibroplat.continuation.orbit import run_from
 from vibroplat.hybrid.state import state_scales
 from vibroplat.integrate.native import MAX_STEPS
 from vibroplat.model.systems import GAP
-from vibroplat.observe.summary import INACCURATE
+from vibroplat.report.summary import INACCURATE
 from vibroplat.study.fingerprint import package
 
 #: Engines that run each scene.

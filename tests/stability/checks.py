@@ -8,7 +8,7 @@ from common.known import motion_of
 from vibroplat.hybrid.state import FORCE_ERROR, force_spread, state_scales
 from vibroplat.model.systems import GAP
 from vibroplat.motion.motion import OUTCOMES
-from vibroplat.observe.summary import INACCURATE, measure
+from vibroplat.report.summary import INACCURATE, measure
 
 #: Largest residuals of energy and vertical momentum over tolerance and steps: each step may be off by about the
 #: tolerance, and the errors may add up. In a campaign of 10 000 random scenes the largest of energy is 2.8, the median

@@ -7,7 +7,7 @@ from common.known import TURN, motion_of
 from stability.checks import RESIDUAL, row, with_engine
 from vibroplat.bench.measure import kinds
 from vibroplat.hybrid.modes import IMPACT
-from vibroplat.observe.summary import measure
+from vibroplat.report.summary import measure
 
 #: The scenes: one without events, one attached, one with an impact in each turn.
 SCENES = ("bare, f_e 50", "attached, f_e 46", "impacts, f_e 50")

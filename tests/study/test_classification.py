@@ -11,7 +11,7 @@ from vibroplat.config.circular import shown_angle
 from vibroplat.hybrid.modes import CHATTER, IMPACT
 from vibroplat.observe import measures as m
 from vibroplat.observe.section import latest_repetition, period
-from vibroplat.observe.summary import batch_means_error, block_errors, largest_values, measure
+from vibroplat.report.summary import batch_means_error, block_errors, largest_values, measure
 from vibroplat.study.classification import COMPARED_MEASURES, MotionClass, changed_measure, classify, rare_events
 from vibroplat.study.lyapunov import Exponent, _estimate
 from vibroplat.study.point import BLOCKS, ERRORS, LONGER, columns_of, row_of

@@ -17,7 +17,7 @@ from vibroplat.hybrid.state import state_scales
 from vibroplat.observe import statistics as m
 from vibroplat.observe.measures import empty_accumulators
 from vibroplat.observe.section import MAX_PERIOD, period, section_points, spreads
-from vibroplat.observe.summary import measure
+from vibroplat.report.summary import measure
 from vibroplat.study.branches import branches
 from vibroplat.study.classification import BLOCKS
 from vibroplat.study.point import ERRORS, measure_point

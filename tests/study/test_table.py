@@ -15,7 +15,7 @@ from vibroplat import Scene, load, load_config, simulate, sweep
 from vibroplat.config.plausibility import WARNING, notes_on_inputs
 from vibroplat.hybrid.state import initial_state, perturb_state, state_scales
 from vibroplat.integrate import make_engine
-from vibroplat.observe import summary
+from vibroplat.report import summary
 from vibroplat.results.tables import read_table
 from vibroplat.study.branches import branches
 from vibroplat.study.point import MEASURED, SweepPoint, synchronization

@@ -62,13 +62,13 @@ BY_ROOM = [
         "s.v[3 + status.resting, lane] = 0.0 → s.v[3 + status.resting, lane] = 1e-3",
     ]),
     # what is observed
-    ("observe motion", [
+    ("observe report motion", [
         '0.5 * float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT]) → float(extremes["largest"][HEIGHT] - extremes["least"][HEIGHT])',
         '  "excitation_frequency_hz": 0.5 * (first + second) →   "excitation_frequency_hz": first',
         '"frequency_split_hz": first - second, → "frequency_split_hz": second - first,',
         "mean[square] - mean[first] ** 2 → mean[square] + mean[first] ** 2",
         "gravity = before.gravity - after.gravity → gravity = after.gravity - before.gravity",
-        'max(0.0, -float(whole["least"][FORCE])) → max(0.0, -float(late["least"][FORCE]))',
+        'max(0.0, -float(whole["least"][CONTACT_FORCE])) → max(0.0, -float(late["least"][CONTACT_FORCE]))',
         "ms.closed[marks.turns % ms.closed.size] = → ms.closed[(marks.turns + 1) % ms.closed.size] =",
         "degree, first, cut, piece.system, nodes → degree, 0.0, cut, piece.system, nodes",
     ]),

@@ -34,7 +34,10 @@ from vibroplat.kernels.compiled import FloatArray, quick_call
 from vibroplat.kernels.target import lanes
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.assignment import (
+from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
+from vibroplat.observe.section import section_points
+from vibroplat.report.summary import MeasuredInterval, measure
+from vibroplat.shooting.assignment import (
     ASSIGNED,
     ENDED,
     FOLLOWED,
@@ -47,9 +50,6 @@ from vibroplat.observe.assignment import (
     follow,
     numbers_of,
 )
-from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
-from vibroplat.observe.section import section_points
-from vibroplat.observe.summary import MeasuredInterval, measure
 from vibroplat.study.classification import BLOCKS
 from vibroplat.study.point import measure_point, on_orbit, row_of
 from vibroplat.study.settling import KnownOrbit

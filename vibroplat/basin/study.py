@@ -26,7 +26,7 @@ from vibroplat.config.study_plans import BasinsPlan
 from vibroplat.continuation.orbit import with_orbit_tolerance
 from vibroplat.errors import errors_about
 from vibroplat.kernels.target import lanes
-from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
+from vibroplat.report.data_sheet import SHEET, more_columns, point_columns
 from vibroplat.results.result import Result
 from vibroplat.study.branches import column_of, study_table
 from vibroplat.study.point import ERRORS, MEASURED

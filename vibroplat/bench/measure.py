@@ -26,8 +26,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import SETTLE_FRACTION, simulate
-from vibroplat.observe.summary import INACCURATE
 from vibroplat.plots.style import head, legend_below, new_figure, save, styled
+from vibroplat.report.summary import INACCURATE
 from vibroplat.results.answer import counted, in_columns
 from vibroplat.results.picture import CURVES, finite
 from vibroplat.results.run import RunResult

@@ -24,7 +24,7 @@ from vibroplat.model.systems import GAP_RATE
 from vibroplat.motion.initial_condition import Start
 from vibroplat.motion.recorder import Sink
 from vibroplat.motion.run import simulate
-from vibroplat.observe.summary import INACCURATE
+from vibroplat.report.summary import INACCURATE
 from vibroplat.results.run import RunResult
 from vibroplat.system.memory import MemoryBudget
 

@@ -14,9 +14,9 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.inspection.values import INSPECTION
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.conveying import CONVEYING
-from vibroplat.observe.data_sheet import point_columns, whole_columns
 from vibroplat.observe.tables import EVENTS, FORCES, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
+from vibroplat.report.data_sheet import point_columns, whole_columns
 
 _POINTS = point_columns()
 #: All result tables except those of benchmarks, by the names of their files, in the order of the commands that write

@@ -24,7 +24,7 @@ from vibroplat.continuation.newton import NoConvergenceError, Problem, add_borde
 from vibroplat.continuation.special_points import OrbitPoint, tangent_of
 from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.orbits import Chart
+from vibroplat.shooting.orbits import Chart
 
 #: Points that a prediction rests on, at most; the least cosine between the tangent at one of them and the direction in
 #: which its place is measured; and the least distance of two, as a part of the way that is predicted.

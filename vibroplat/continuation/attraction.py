@@ -22,7 +22,7 @@ from vibroplat.continuation.newton import NewtonResult
 from vibroplat.continuation.shooting import Shooter
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.shots import distance
+from vibroplat.shooting.shots import distance
 
 #: Condition number of the eigenvectors, by Frobenius' norm, above which they are too nearly parallel to measure
 #: distances.

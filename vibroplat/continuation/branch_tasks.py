@@ -34,8 +34,8 @@ from vibroplat.continuation.special_points import (
     tangent_of,
 )
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.multipliers import n_unstable
-from vibroplat.observe.orbits import ANGLE_INDEX
+from vibroplat.shooting.multipliers import n_unstable
+from vibroplat.shooting.orbits import ANGLE_INDEX
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 

@@ -30,7 +30,7 @@ from vibroplat.continuation.special_points import (
 )
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
-from vibroplat.observe.orbits import Chart
+from vibroplat.shooting.orbits import Chart
 from vibroplat.study.pool import Task, Tasks
 from vibroplat.study.store import Record
 

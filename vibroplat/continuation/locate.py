@@ -32,7 +32,7 @@ from vibroplat.continuation.special_points import (
     branch_point,
 )
 from vibroplat.kernels.compiled import FloatArray
-from vibroplat.observe.multipliers import lost
+from vibroplat.shooting.multipliers import lost
 
 #: Most evaluations between two points, and from one side.
 MAX_EVALUATIONS, MAX_SIDED = 12, 12

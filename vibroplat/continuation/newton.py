@@ -21,8 +21,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import eliminate
 from vibroplat.model.systems import GAP, GAP_RATE, SYSTEMS
 from vibroplat.motion.motion import Simulator
-from vibroplat.observe.multipliers import Stability, multipliers_of, stability
-from vibroplat.observe.orbits import (
+from vibroplat.shooting.multipliers import Stability, multipliers_of, stability
+from vibroplat.shooting.orbits import (
     ANGLE_INDEX,
     BEYOND_LIMITS,
     CLOSED,
@@ -37,7 +37,7 @@ from vibroplat.observe.orbits import (
     Chart,
     Search,
 )
-from vibroplat.observe.shots import SOLVE
+from vibroplat.shooting.shots import SOLVE
 
 #: Singular values below which directions are not determined by the equations.
 RANK_LIMIT = 1e-8

@@ -36,9 +36,9 @@ from vibroplat.model.sensitivity import with_value
 from vibroplat.motion.initial_condition import end_of
 from vibroplat.motion.run import simulate
 from vibroplat.motion.variation import full_state
-from vibroplat.observe.multipliers import n_unstable
-from vibroplat.observe.summary import measure
+from vibroplat.report.summary import measure
 from vibroplat.results.run import RunResult, load
+from vibroplat.shooting.multipliers import n_unstable
 from vibroplat.study.branches import SUPPLY
 from vibroplat.study.point import ANTIPHASE_OF_ORBITS, row_of
 
@@ -348,7 +348,7 @@ def measures_of(problem: Problem, shot: Shot, scene: Scene) -> dict[str, Any]:
 
 
 def measure_period(problem: Problem, shot: Shot, scene: Scene, *, brief: bool = False) -> dict[str, Any]:
-    """Gather measures over the period of a scene's orbit; see :func:`vibroplat.observe.summary.measure`."""
+    """Gather measures over the period of a scene's orbit; see :func:`vibroplat.report.summary.measure`."""
     first, second = (abs(n) / shot.duration for n in problem.turns)
     speeds = {"excitation_frequency_hz": 0.5 * (first + second), "frequency_split_hz": first - second}
     impacts = float(shot.part.measures.marks["measured"][IMPACT]) / abs(problem.turns[0])

@@ -30,8 +30,8 @@ from vibroplat.hybrid.modes import IMPACT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import SECTION_POINTS
-from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.observe.section import distances, section_points
+from vibroplat.shooting.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.study.settling import BLOCK, KnownOrbit
 
 #: Maximum period searched for (turns of exciter 1), and maximum distance of points of the section (scaled units) at

@@ -26,8 +26,8 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import flat, value_of, with_values
 from vibroplat.model.systems import FULL_SIZE
-from vibroplat.observe.summary import LARGEST, STATISTICS
 from vibroplat.observe.variation import Variation
+from vibroplat.report.summary import LARGEST, STATISTICS
 from vibroplat.study.point import ANTIPHASE_OF_ORBITS, shown_statistics
 
 #: Minimum part of a step into which it is divided.

@@ -30,8 +30,11 @@ from vibroplat.model.sensitivity import NO_COURSE, course_of, flat, with_values
 from vibroplat.model.systems import SYSTEMS
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import WITH_EXTREMES, Accumulators
-from vibroplat.observe.orbits import newton
-from vibroplat.observe.shots import (
+from vibroplat.observe.statistics import Statistics
+from vibroplat.observe.variation import Variation
+from vibroplat.report.summary import Energies, Known, MeasuredInterval, known_of
+from vibroplat.shooting.orbits import newton
+from vibroplat.shooting.shots import (
     ADVANCE,
     PART,
     SET,
@@ -43,9 +46,6 @@ from vibroplat.observe.shots import (
     shot_records,
     unpacked,
 )
-from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, Known, MeasuredInterval, known_of
-from vibroplat.observe.variation import Variation
 
 #: What the letters of a word stand for in tables.
 EVENT_NAMES = {"L": "liftoff", "I": "impact", "S": "stick"}
@@ -117,7 +117,7 @@ class Shot:
 
     @cached_property
     def known(self) -> Known:
-        """Extremes and statistics of what was measured; see :func:`vibroplat.observe.summary.known_of`."""
+        """Extremes and statistics of what was measured; see :func:`vibroplat.report.summary.known_of`."""
         return known_of(self.part.measures)
 
     @property

@@ -32,9 +32,9 @@ from vibroplat.continuation.newton import (
 from vibroplat.continuation.orbit import measures_of_orbit
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.kernels.linear import bordered_determinant
-from vibroplat.observe.multipliers import Stability
-from vibroplat.observe.orbits import Chart
 from vibroplat.results.labels import SPECIAL_POINTS
+from vibroplat.shooting.multipliers import Stability
+from vibroplat.shooting.orbits import Chart
 
 #: What happens at each kind, for people.
 KINDS = SPECIAL_POINTS

@@ -13,9 +13,9 @@ from vibroplat.config.plans import OrbitsPlan
 from vibroplat.continuation.branch_tasks import MAX_MULTIPLIERS, ComputedBranch, describe_multipliers
 from vibroplat.continuation.codim2 import ComputedBoundary
 from vibroplat.continuation.special_points import KINDS
-from vibroplat.observe.data_sheet import SHEET, point_columns
-from vibroplat.observe.summary import MEASURES
 from vibroplat.observe.tables import TRAJECTORY
+from vibroplat.report.data_sheet import SHEET, point_columns
+from vibroplat.report.summary import MEASURES
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
 from vibroplat.study.point import MEASURED, POINT
 from vibroplat.study.store import Record

@@ -24,7 +24,7 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model import sensitivity
 from vibroplat.model.parameters import Parameters, parameters
 from vibroplat.model.sensitivity import CHOICES, flat, value_of, with_value
-from vibroplat.observe.data_sheet import columns
+from vibroplat.report.data_sheet import columns
 from vibroplat.study.branches import study_table
 from vibroplat.study.point import MEASURED, measure_point
 from vibroplat.study.store import Record

@@ -30,7 +30,7 @@ from vibroplat.designs.motions import NO_ORBITS
 from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.sensitivity import value_of
-from vibroplat.observe.data_sheet import more_columns
+from vibroplat.report.data_sheet import more_columns
 from vibroplat.results.answer import Answer
 from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table

@@ -24,7 +24,7 @@ from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import answer, short_lines
 from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
 from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
-from vibroplat.observe.notes import long_flight
+from vibroplat.report.notes import long_flight
 from vibroplat.results.answer import Answer
 
 #: Relative difference of both speeds up to which exciters that have started count as turning together.

@@ -28,6 +28,7 @@ import logging
 import multiprocessing
 import os
 import pickle
+import re
 import shutil
 import stat
 import sys
@@ -54,8 +55,8 @@ PACKAGE = Path(__file__).parents[1]
 #: Folder of the machine code that came with the package.
 SHIPPED = "kernels/machine_code"
 
-#: Folders of the package whose functions are compiled.
-ROOMS = ("kernels", "model", "hybrid", "integrate", "observe")
+#: A line above a function that is compiled.
+_COMPILES = re.compile(rb"^@(compiled|inlined|fused|fused_inline|wide|callback)\b", re.MULTILINE)
 #: Files besides, with constants that are compiled into kernels: the numbers of the modes and of the coordinates;
 #: and with what is written into them.
 SHARED = ("config/coordinates.py", "config/kloss.py")
@@ -70,13 +71,25 @@ DIGEST_SIZE = 32
 UNUSED, SPARE = 86_400.0, 3
 
 
+def _compiles(source: bytes) -> bool:
+    """Whether a file has functions that are compiled; most name no decorator, which is found out fast."""
+    return b"kernels.compiled" in source and _COMPILES.search(source) is not None
+
+
+@cache
+def rooms() -> tuple[str, ...]:
+    """Folders of the package in which functions are compiled, as the sources say."""
+    folders = sorted(folder for folder in PACKAGE.iterdir() if folder.is_dir())
+    return tuple(folder.name for folder in folders if any(_compiles(file.read_bytes()) for file in folder.glob("*.py")))
+
+
 @cache
 def _name() -> str:
     """Name of the folder for the sources, the compiler, its settings and the processor as this process finds them."""
     settings = {name: getattr(config, name, None) for name in SETTINGS}
     versions = (sys.implementation.cache_tag, numba.__version__, llvmlite.__version__)
     digest = hashlib.sha256(f"{versions} {settings} {llvm.get_process_triple()} {processor()}".encode())
-    sources = [file for room in ROOMS for file in (PACKAGE / room).glob("*.py")]
+    sources = [file for room in rooms() for file in (PACKAGE / room).glob("*.py")]
     for source in sorted((*sources, *(PACKAGE / name for name in SHARED))):
         digest.update(source.relative_to(PACKAGE).as_posix().encode() + source.read_bytes())
     return f"kernels-{digest.hexdigest()[:16]}"
@@ -251,7 +264,7 @@ def cache_of(function: Callable[..., Any]) -> Any:
     Numba's own places would keep it beyond changes of the kernels that they call.
     """
     source = Path(inspect.getfile(function))
-    elsewhere = source.parent.parent != PACKAGE or source.parent.name not in ROOMS
+    elsewhere = source.parent.parent != PACKAGE or source.parent.name not in rooms()
     if elsewhere or "<" in function.__qualname__:  # lambdas, and functions of functions
         return NullCache()
     return KernelCache(f"{source.parent.name}.{source.stem}.{function.__qualname__}")

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_inline, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_inline
 from vibroplat.kernels.vectors import Lanes, greater, lesser, select, size, some, zero
 
 #: Halvings until a fraction of a step is found to round-off.
@@ -201,48 +201,6 @@ def single_zero(powers: FloatArray, b: FloatArray, sign: float, begin: float, si
             return following
         s = following if low < following < high else 0.5 * (low + high)
     return s
-
-
-@inlined
-def chord_deviation_bound(c: FloatArray, degree: int, j: int) -> float:
-    """Bound of the distance between unknown j and the straight line between its values at both ends of a step.
-
-    c₀ + s Σ cₖ is that line, and |sᵏ − s| is at most 1/4 for k = 2 and below 1 for all k.
-    """
-    total = 0.25 * abs(c[2, j]) if degree > 1 else 0.0
-    for k in range(3, degree + 1):
-        total += abs(c[k, j])
-    return total
-
-
-@compiled
-def value_range(
-    c: FloatArray, degree: int, j: int, first: float, last: float, ends: tuple[float, float]
-) -> tuple[float, float, float, float]:
-    """Least and largest value of unknown j between two fractions of a step, with its values there.
-
-    Behind them the fractions where it has them. Found among points, and improved by Newton's iteration on the slope.
-    """
-    points = 2 * degree
-    least = largest = ends[0]
-    at_least = at_largest = first
-    for i in range(1, points + 1):
-        s = first + (last - first) * i / points
-        here = value(c, degree, j, s) if i < points else ends[1]
-        if here < least:
-            least, at_least = here, s
-        if here > largest:
-            largest, at_largest = here, s
-    apart = 0.5 / degree
-    around_least = max(at_least - apart, first), min(at_least + apart, last)
-    around_largest = max(at_largest - apart, first), min(at_largest + apart, last)
-    low, at_low = turning_point(c, degree, j, at_least, *around_least, least)
-    high, at_high = turning_point(c, degree, j, at_largest, *around_largest, largest)
-    if low < least:
-        least, at_least = low, at_low
-    if high > largest:
-        largest, at_largest = high, at_high
-    return least, largest, at_least, at_largest
 
 
 @compiled

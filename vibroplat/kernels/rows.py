@@ -8,14 +8,11 @@ from vibroplat.kernels.vectors import load_4, load_16, size, store, zero
 
 @fused_inline
 def horner_16(c: FloatArray, degree: int, s: float, out: FloatArray) -> None:
-    """Evaluate polynomials of 16 columns at s, with first derivatives: ``out`` has shape (2, 16)."""
+    """Evaluate polynomials of 16 columns at s."""
     value = load_16(c, degree, 0)
-    rate = zero(value)
     for k in range(degree - 1, -1, -1):
-        rate = rate * s + value
         value = value * s + load_16(c, k, 0)
     store(value, out, 0, 0)
-    store(rate, out, 1, 0)
 
 
 @fused_inline

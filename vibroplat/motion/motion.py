@@ -24,7 +24,7 @@ from vibroplat.model.systems import FULL_SIZE, SYSTEMS, System
 from vibroplat.observe.measures import FASTEST, MAX_FINAL_PERIOD, SECTION_ROWS, WHOLE_RUN, Accumulators
 from vibroplat.observe.section import ON_SECTION, section_angle
 from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import Energies, MeasuredInterval
+from vibroplat.report.summary import Energies, MeasuredInterval
 from vibroplat.system.memory import NO_MORE, OutOfMemoryError
 
 #: Names of outcomes, by the automaton's number.

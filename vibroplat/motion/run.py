@@ -30,8 +30,18 @@ from vibroplat.motion.initial_condition import Start, initial_condition
 from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.motion.recorder import Files, Keep, Recorder, Sink, SinkArgument
 from vibroplat.motion.variation import key_tuple, parameter_directions
-from vibroplat.observe.data_sheet import SHEET, WHOLE, columns, whole_run
-from vibroplat.observe.notes import (
+from vibroplat.observe.section import (
+    MAX_PERIOD,
+    latest_repetition,
+    section_points,
+    section_rows,
+    whole_periods,
+)
+from vibroplat.observe.statistics import Statistics
+from vibroplat.observe.tables import named_derivative, require_room
+from vibroplat.observe.variation import Variation
+from vibroplat.report.data_sheet import SHEET, WHOLE, columns, whole_run
+from vibroplat.report.notes import (
     change,
     drift,
     free_swing,
@@ -41,13 +51,9 @@ from vibroplat.observe.notes import (
     symmetry,
     unfinished_stop,
 )
-from vibroplat.observe.section import MAX_PERIOD, latest_repetition, section_points, section_rows, whole_periods
-from vibroplat.observe.statistics import Statistics
-from vibroplat.observe.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
-from vibroplat.observe.synchronization import stays_synchronized
-from vibroplat.observe.tables import named_derivative, require_room
-from vibroplat.observe.transients import Transient, transients
-from vibroplat.observe.variation import Variation
+from vibroplat.report.summary import INACCURATE, MEASURES, MeasuredInterval, inaccuracy, measure, synchronization
+from vibroplat.report.synchronization import stays_synchronized
+from vibroplat.report.transients import Transient, transients
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import SETTLED, kind_of_motion
 from vibroplat.results.tables import TableFile

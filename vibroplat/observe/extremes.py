@@ -10,8 +10,6 @@ import numpy.typing as npt
 from vibroplat.config.coordinates import MAX_NAMED_POINTS
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined, quick_call
 
-#: Degree of polynomials up to which there are too few samples of them to find extremes by.
-FEW_SAMPLES = 8
 #: Gauss nodes and weights on [0, 1], by their number.
 MAX_NODES = 16
 NODES, WEIGHTS = np.zeros((2, MAX_NODES + 1, MAX_NODES))
@@ -36,7 +34,7 @@ for _n in range(1, MAX_NODES + 1):
 #: POINT_ACCELERATIONS on their accelerations. Integers of numpy, so that functions are compiled once.
 POINT_ACCELERATIONS = 35
 _PLACES: Any = np.arange(POINT_ACCELERATIONS)
-SIDEWAYS, HEIGHT, ROTATION, OPENING, FORCE, DRIVEN_1, _, IMPULSE = _PLACES[:8]
+SIDEWAYS, HEIGHT, ROTATION, OPENING, CONTACT_FORCE, DRIVEN_1, _, IMPULSE = _PLACES[:8]
 PULL_X, PULL_Y, MOMENT, SPEED_1, _, TORQUE_1, _, LIFT, POINTS = _PLACES[8:17]
 POWER_1, _, ACCELERATION = _PLACES[32:]
 _SIZE = POINT_ACCELERATIONS + MAX_NAMED_POINTS
@@ -55,7 +53,7 @@ EXTREMES = np.dtype(
 
 
 def empty_extremes(count: int) -> npt.NDArray[np.void]:
-    """Make records of PEAKS before their first step; the gap is 0 unless a layer flies, an impulse without impacts."""
+    """Make records before their first step; the gap is 0 unless a layer flies, an impulse without impacts."""
     extremes = np.zeros(count, EXTREMES)
     extremes["least"], extremes["largest"], extremes["since"], extremes["latest"] = np.inf, -np.inf, np.nan, -np.inf
     for quantity in (OPENING, IMPULSE):

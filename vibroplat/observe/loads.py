@@ -60,7 +60,7 @@ def update_acceleration_extremes(
     extremes, k
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the place of the quantity in it.
     room
-        Record of :data:`vibroplat.observe.statistics.ROOM` with the values at the samples; its squares are overwritten.
+        Record of :data:`vibroplat.observe.room.ROOM` with the values at the samples; its squares are overwritten.
     sideways
         1, or 0 if the acceleration along y alone counts.
     spot
@@ -189,7 +189,7 @@ def put_limits(extremes: Any, room: Any, p: Parameters) -> None:
 
 
 @inlined
-def update_step_extremes(extremes: Any, at_start: FloatArray, room: Any, span: Span, p: Parameters) -> None:
+def update_step_extremes(extremes: Any, room: Any, span: Span, p: Parameters) -> None:
     """Let the extremes cover a step or a part of it.
 
     Steps are screened, and most of them pass without a search. The limits are filled anew where there are none, after
@@ -199,8 +199,6 @@ def update_step_extremes(extremes: Any, at_start: FloatArray, room: Any, span: S
     ----------
     extremes
         The record; ``room.limited`` is 0 if the step before was one of another.
-    at_start
-        Derivatives of the unknowns at the beginning of the part, by the fraction of the step, shape (16,).
     room, span
         As in :func:`vibroplat.observe.peaks.cover`.
     """
@@ -214,8 +212,7 @@ def update_step_extremes(extremes: Any, at_start: FloatArray, room: Any, span: S
     for first in range(0, COLUMNS if room.named > 0 else POINTS, EIGHT):
         over, under = beyond_limits(room.quantities, span.nodes, REACH[span.nodes], room.limits, first)
         above, below = above | over << first, below | under << first
-    start = load_2(at_start, 0, DIFFERENTIAL[span.system] // 2) * (1.0 / span.length)
-    shaken = some(largest_squares(room.samples, start, span) > load_2(room.square_limits, 0, 0))
+    shaken = some(largest_squares(room.samples, span) > load_2(room.square_limits, 0, 0))
     if above | below != 0 or shaken or room.named > 0:
         update_columns(extremes, room, span, (above, below, shaken), p)
 

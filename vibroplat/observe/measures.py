@@ -49,7 +49,7 @@ SECTION_ROWS = 1024
 #:
 #: * points of the section and counts of events: whether a motion repeats, for settling and searches for orbits;
 #: * sums: means and RMS values, which tell motions from each other;
-#: * extremes: all that :func:`vibroplat.observe.summary.measure` gathers, for rows of tables and orbits;
+#: * extremes: all that :func:`vibroplat.report.summary.measure` gathers, for rows of tables and orbits;
 #: * the whole run: pace at extremes, and when phase differences and speeds were met, for the sheet of a run.
 SECTION_POINTS, SUMMED, WITH_EXTREMES, WHOLE_RUN = range(4)
 #: Longest period, in turns of exciter 1, that is searched for at the end of a motion; so many of the last points of the
@@ -105,7 +105,7 @@ class Accumulators(NamedTuple):
         What the last row was at whole turns, the last of them, turn n in row n modulo their number.
     seen
         When each sort of phase difference, and of speed of exciters 1 and 2, was last met (s), and the motors' work
-        until then (J), shape (3, SORTS, 2).
+        until then (J), shape (3, BINS, 2).
     section
         Poincaré section: records of :data:`SECTION` at the whole turns of exciter 1 in the measured part, the last
         of them, as ``closed``. Without room for any, nothing is cut to whole turns.

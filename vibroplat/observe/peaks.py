@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.kernels.polynomial import MAX_DEGREE, chord_deviation_bound, slope, turning_point, value_range
+from vibroplat.kernels.polynomial import MAX_DEGREE, slope, turning_point
 from vibroplat.kernels.vectors import (
     Lanes,
     as_lanes,
@@ -32,9 +32,8 @@ from vibroplat.kernels.vectors import (
 )
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
 from vibroplat.observe.extremes import (
+    CONTACT_FORCE,
     DRIVEN_1,
-    FEW_SAMPLES,
-    FORCE,
     GAPS,
     OPENING,
     POINTS,
@@ -109,16 +108,16 @@ def beyond_limits(quantities: FloatArray, nodes: int, reach: float, limits: Floa
 
 
 @fused_inline
-def largest_squares(samples: FloatArray, at_start: Lanes, span: Span) -> Lanes:
+def largest_squares(samples: FloatArray, span: Span) -> Lanes:
     """Bound the square of the acceleration of x and y, and of y alone, from rates at samples: the lanes of a pair.
 
-    The square of an acceleration goes beyond its means between samples by less than its neighbours are below it; that
-    at the beginning is ``at_start``.
+    The square of an acceleration goes beyond its means between samples by less than its neighbours are below it.
     """
     n, inverse = DIFFERENTIAL[span.system] // 2, 1.0 / (span.length * (span.last - span.first))
-    rates, top = load_2(samples, 0, n), zero(at_start)
-    here, way = _squares(at_start), zero(at_start)
-    for i in range(span.nodes + 1):
+    rates = load_2(samples, 1, n)
+    here = _squares((rates - load_2(samples, 0, n)) * (inverse * GAPS[span.nodes, 0]))
+    top = way = zero(here)
+    for i in range(1, span.nodes + 1):
         after = load_2(samples, i + 1, n)
         following = _squares((after - rates) * (inverse * GAPS[span.nodes, i]))
         top = greater(_peak(here, way, following - here), top)
@@ -147,7 +146,7 @@ def cover(extremes: Any, above: int, below: int, room: Any, span: Span) -> None:
     extremes, above, below
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the bits of :func:`beyond_limits`.
     room, span
-        Record of :data:`vibroplat.observe.statistics.ROOM` with quantities at the samples, and the limits beyond which
+        Record of :data:`vibroplat.observe.room.ROOM` with quantities at the samples, and the limits beyond which
         an extreme is new; the part.
     """
     count = 0
@@ -166,13 +165,8 @@ def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count:
     """Gather the samples of quantity k near which there may be a new extreme, after ``count`` others; return how many.
 
     They are not below their neighbours, and exceed the limit if the larger difference from a neighbour is added.
-    Polynomials of low degree have few samples and are searched completely.
     """
     samples, known, last = room.quantities, sense * room.limits[1 if sense > 0.0 else 0, k], span.nodes + 1
-    if span.degree <= FEW_SAMPLES:
-        put_series(k, sense, room, 0, span)
-        look_through(extremes, k, sense, room.series[:, 0], (samples[0, k], samples[last, k]), span)
-        return 0
     before, bit, near = sense * samples[0, k], 1, 0
     here = before
     for i in range(last + 1):
@@ -209,7 +203,7 @@ def put_series(k: int, sense: float, room: Any, lane: int, span: Span) -> None:
         second, share, other = n + first, room.springs[0, first], room.springs[1, first]
     elif k >= DRIVEN_1:
         first = n + 3 + k - DRIVEN_1
-    elif k == FORCE:
+    elif k == CONTACT_FORCE:
         first = 2 * n
     elif k == OPENING:
         first = GAP
@@ -226,13 +220,3 @@ def polish(extremes: Any, room: Any, span: Span, count: int) -> None:
     for i in range(count):
         if room.peak[i] > room.top[i]:
             remember(extremes, room.quantity[i], room.sense[i] * room.peak[i], room.place[i], span)
-
-
-@compiled
-def look_through(extremes: Any, k: int, sense: float, c: FloatArray, ends: tuple[float, float], span: Span) -> None:
-    """Let extremes k cover ``sense`` times a polynomial of low degree, with its values at both ends of a part."""
-    reach, known = chord_deviation_bound(c, span.degree, 0), extremes.largest[k] if sense > 0.0 else -extremes.least[k]
-    ends = sense * ends[0], sense * ends[1]
-    if not max(ends) + reach < known:
-        _, high, _, at_high = value_range(c, span.degree, 0, span.first, span.last, ends)
-        remember(extremes, k, sense * high, at_high, span)

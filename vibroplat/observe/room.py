@@ -29,8 +29,8 @@ ROOM = np.dtype(
         ("full", float, MOVING_SIZE),
         ("y", float, UNKNOWNS),
         ("yp", float, UNKNOWNS),
-        ("begins", float, (2, WIDTH)),  # unknowns and their derivatives where a part of a step begins, and ends
-        ("at", float, (2, WIDTH)),
+        ("begins", float, (1, WIDTH)),  # unknowns where a part of a step begins, and ends
+        ("at", float, (1, WIDTH)),
         ("limited", np.int64),
         ("widened", np.int64),
         ("named", np.int64),

@@ -216,7 +216,7 @@ def add_step(
     if ms.section.size == 0 or not abs(last - turn) <= _MAX_TURNS:
         turn = last
     marks.passed = last
-    first, now, begins, rate = 0.0, begin, c, DIFFERENTIAL[piece.system] // 2 + 3
+    first, now, begins, rate = 0.0, begin, c[0], DIFFERENTIAL[piece.system] // 2 + 3
     while turn != last or first < 1.0:
         since, cut, way, now = now, 1.0, 0.0, begin + length
         if turn != last:
@@ -234,9 +234,8 @@ def add_step(
             add_part(ms, span, begins, at, since >= marks.window, room, p)
         first, turn = cut, turn + way
         if cut < 1.0:
-            begins = room.begins[0:]
-            store(load_16(room.at, 0, 0), begins, 0, 0)
-            store(load_16(room.at, 1, 0), begins, 1, 0)
+            begins = room.begins[0]
+            store(load_16(at, 0, 0), begins, 0, 0)
         if way == 0.0:
             continue
         passes = math.copysign(1.0, at[rate])
@@ -300,7 +299,7 @@ def add_part(
 ) -> None:
     """Add a step, or a part of it that is measured as a whole or not at all.
 
-    ``begins`` holds the unknowns at its beginning and their derivatives by the step's fraction, ``end`` the last ones.
+    ``begins`` holds the unknowns at its beginning, ``end`` the last ones.
     """
     width, row, samples, nodes = span.last - span.first, ms.marks.row if measured else EARLY, room.samples, span.nodes
     if room.widened != row:
@@ -311,7 +310,7 @@ def add_part(
         places = span.first + width * NODES[nodes, i], span.first + width * NODES[nodes, i + 1]
         horner_pair_16(span.c, span.degree, places[0], places[1], i + 1, samples)
     if ms.marks.scope >= WITH_EXTREMES:
-        update_step_extremes(ms.extremes[row], begins[1], room, span, p)
+        update_step_extremes(ms.extremes[row], room, span, p)
     integrate(ms, span, measured, room, p)
 
 

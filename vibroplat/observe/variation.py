@@ -38,12 +38,12 @@ from vibroplat.observe.collocation import (
     step_of,
     steps_of,
 )
-from vibroplat.observe.extremes import FEW_SAMPLES
 
 #: Size of a derivative beyond which it says nothing.
 SENSELESS = 1e24
-#: Longest step of the collocation, over a step of the engine that lies in it: of high order, and of a low one.
-REACH, FAR_REACH = 1.0, 8.0
+#: Longest step of the collocation, over a step of the engine that lies in it: of high order, and of a low one, whose
+#: polynomials have at most that degree.
+REACH, FAR_REACH, LOW_DEGREE = 1.0, 8.0, 8
 #: Part of a piece that round-off may leave.
 _LEFT = 1e-12
 
@@ -319,7 +319,7 @@ def limit_to_steps(steps: Steps, row: int, last: int, now: float, length: float)
     These are short where a motion changes quickly, as where a stiff motor passes its critical slip or an exciter turns
     faster than its supply. The last one was cut, and says nothing.
     """
-    reach = REACH if steps.c.shape[1] - 1 > FEW_SAMPLES else FAR_REACH
+    reach = REACH if steps.c.shape[1] - 1 > LOW_DEGREE else FAR_REACH
     while row < last and steps.start[row] < now + length:
         if steps.start[row] + steps.length[row] > now:
             length = min(length, max(steps.start[row] - now, 0.0) + reach * steps.length[row])

@@ -23,10 +23,8 @@ from vibroplat.frames import ArrayTable, pd
 from vibroplat.hybrid.state import EVENT
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE
-from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import section_rows, section_states
-from vibroplat.observe.summary import INACCURATE
 from vibroplat.observe.tables import (
     ROW,
     TRAJECTORY,
@@ -38,6 +36,8 @@ from vibroplat.observe.tables import (
     require_room,
     state_places,
 )
+from vibroplat.report.data_sheet import columns
+from vibroplat.report.summary import INACCURATE
 from vibroplat.results.answer import Answer
 from vibroplat.results.exports import plain_array, write_mat
 from vibroplat.results.files import commands_in
@@ -64,7 +64,7 @@ class RunResult(Result):
     scene
         What was simulated.
     summary
-        Outcome and measures; see :func:`vibroplat.observe.summary.measure`.
+        Outcome and measures; see :func:`vibroplat.report.summary.measure`.
     remarks
         Returns warnings; called when somebody asks for them.
     origin

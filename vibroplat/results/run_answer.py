@@ -10,8 +10,8 @@ from vibroplat.config.circular import degrees_text
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
-from vibroplat.observe.notes import slow_motors
-from vibroplat.observe.summary import COHERENCE, INACCURATE, synchronization
+from vibroplat.report.notes import slow_motors
+from vibroplat.report.summary import COHERENCE, INACCURATE, synchronization
 from vibroplat.results.answer import are_alike, of_both
 
 #: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.

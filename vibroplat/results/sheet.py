@@ -11,9 +11,9 @@ from vibroplat.columns import display_name, split, unit_of
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.config.scene import Scene
-from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.section import MAX_PERIOD
-from vibroplat.observe.summary import synchronization
+from vibroplat.report.data_sheet import columns
+from vibroplat.report.summary import synchronization
 from vibroplat.results.answer import Numbers, are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import SETTLED, limit_text, phase_text, speeds_of_both, transient
 

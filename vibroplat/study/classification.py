@@ -25,7 +25,7 @@ from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.observe.measures import MAX_FINAL_PERIOD, Accumulators, block_difference, measured_extremes
 from vibroplat.observe.section import MAX_PERIOD, REPEAT_DISTANCE, least_period, period
-from vibroplat.observe.summary import COHERENCE, statistics
+from vibroplat.report.summary import COHERENCE, statistics
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import SettlingResult, contraction_period
 

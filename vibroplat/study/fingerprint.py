@@ -36,7 +36,7 @@ from vibroplat.kernels.target import lanes, processor
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.observe.measures import WITH_EXTREMES
-from vibroplat.observe.summary import measure
+from vibroplat.report.summary import measure
 from vibroplat.results.provenance import sundials_version
 from vibroplat.system.workers import one_thread
 

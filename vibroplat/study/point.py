@@ -28,11 +28,11 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Observer, Simulator
 from vibroplat.observe.conveying import OF_SPEED
-from vibroplat.observe.data_sheet import columns
 from vibroplat.observe.measures import SECTION_POINTS, WITH_EXTREMES
-from vibroplat.observe.notes import notes_on_measures, stiffness
 from vibroplat.observe.section import section_points, section_rows, whole_periods
-from vibroplat.observe.summary import (
+from vibroplat.report.data_sheet import columns
+from vibroplat.report.notes import notes_on_measures, stiffness
+from vibroplat.report.summary import (
     INACCURATE,
     MAX_DRIFT,
     MeasuredInterval,
@@ -87,7 +87,7 @@ ERRORS = {
     )
 }
 
-#: Columns that a point has besides :data:`vibroplat.observe.summary.MEASURES`.
+#: Columns that a point has besides :data:`vibroplat.report.summary.MEASURES`.
 POINT: Columns = {
     "relative_rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
     "sync": Column(

@@ -50,7 +50,7 @@ class KnownOrbit(NamedTuple):
     multiplier
         Size of the largest Floquet multiplier but the 1 along the motion.
     measures
-        What :func:`vibroplat.observe.summary.measure` gathers over a period.
+        What :func:`vibroplat.report.summary.measure` gathers over a period.
     section_y, impact_speeds
         y where it crosses the section (m), and speeds of the impacts in a period (m/s).
     """

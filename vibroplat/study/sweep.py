@@ -16,8 +16,8 @@ from vibroplat.config.plausibility import HINT, split_severity
 from vibroplat.config.scene import Scene
 from vibroplat.integrate.interface import WORK
 from vibroplat.observe.conveying import CONVEYING
-from vibroplat.observe.data_sheet import SHEET, more_columns, point_columns
-from vibroplat.observe.summary import MEASURES
+from vibroplat.report.data_sheet import SHEET, more_columns, point_columns
+from vibroplat.report.summary import MEASURES
 from vibroplat.results.answer import Answer, counted
 from vibroplat.results.result import Result
 from vibroplat.study.answer import short_answer, sync_counts

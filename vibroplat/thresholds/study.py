@@ -20,7 +20,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.config.schema import did_you_mean
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.errors import ConfigError, errors_about
-from vibroplat.observe.data_sheet import SHEET, more_columns
+from vibroplat.report.data_sheet import SHEET, more_columns
 from vibroplat.results.answer import Answer, counted
 from vibroplat.results.result import Result
 from vibroplat.study.branches import SUPPLY, column_of, measures_text, place_words, study_table

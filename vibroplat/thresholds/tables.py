@@ -5,7 +5,7 @@ from __future__ import annotations
 from vibroplat.columns import COUNT, TEXT, Column, Columns
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.observe.conveying import CONVEYING
-from vibroplat.observe.data_sheet import SHEET, point_columns
+from vibroplat.report.data_sheet import SHEET, point_columns
 from vibroplat.study.sweep import COLUMNS, SWEEP
 
 #: Columns of a sweep that are given for both sides of a threshold.

@@ -26,9 +26,9 @@ from vibroplat.kernels.compiled import FloatArray
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 from vibroplat.motion.run import simulate
-from vibroplat.observe.multipliers import UNIT_CIRCLE_DISTANCE
-from vibroplat.observe.notes import slow_motors
-from vibroplat.observe.synchronization import STAYING_TURNS
+from vibroplat.report.notes import slow_motors
+from vibroplat.report.synchronization import STAYING_TURNS
+from vibroplat.shooting.multipliers import UNIT_CIRCLE_DISTANCE
 from vibroplat.study.classification import NOT_SETTLED
 from vibroplat.study.point import (
     ANTIPHASE,

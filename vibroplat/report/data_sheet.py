@@ -46,7 +46,7 @@ TIMED = ("foundation_", "stroke_", "motor_")
 #: Sums of coordinates, and of their squares.
 _SQUARES = {"x": "xx", "y": "yy", "phi": "phi_phi"}
 
-#: Axes of the suspension: their names in columns, places in PEAKS, sums of force and its square, and units.
+#: Axes of the suspension: their names in columns, places among extremes, sums of force and its square, and units.
 _AXES = (
     ("force_x", PULL_X, "force_x", "n"),
     ("force_y", PULL_Y, "force_y", "n"),
@@ -342,7 +342,7 @@ def whole_run(ms: Accumulators, scene: Scene, start: float, slow: Sequence[Any],
         When it began (s).
     slow
         Motors that slip as captured ones do, each with its ``speed`` and the ``synchronous`` one (Hz); see
-        :func:`vibroplat.observe.notes.slow_motors`.
+        :func:`vibroplat.report.notes.slow_motors`.
     locked
         Whether the exciters are synchronized in the measured part.
     """

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from vibroplat.kernels.compiled import FloatArray, compiled
 
-#: Imaginary part up to which a multiplier is real, but for round-off; magnitudes are equal within 1 / PARTS.
-MAX_IMAGINARY, PARTS = 1e-9, 1e12
+#: Imaginary part up to which a multiplier is real, but for round-off; magnitudes are equal within 1 / RESOLUTION.
+MAX_IMAGINARY, RESOLUTION = 1e-9, 1e12
 #: Distance of a multiplier from the unit circle that counts: its own error is far smaller.
 UNIT_CIRCLE_DISTANCE = 1e-6
 #: How far round-off takes the product of the two multipliers of an undamped mode from 1.
@@ -57,7 +57,7 @@ def multipliers_of(section_map: FloatArray) -> npt.NDArray[np.complex128]:
         The derivative is not finite.
     """
     found = np.linalg.eigvals(section_map).astype(complex)
-    return found[np.lexsort((-found.imag, -np.rint(np.abs(found) * PARTS)))]
+    return found[np.lexsort((-found.imag, -np.rint(np.abs(found) * RESOLUTION)))]
 
 
 @compiled

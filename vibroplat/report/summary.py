@@ -21,8 +21,7 @@ from vibroplat.model.energy import FORCE as VERTICAL
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import DAMPERS
 from vibroplat.observe.conveying import turn_speeds
-from vibroplat.observe.data_sheet import data_sheet, means, rms_about_mean
-from vibroplat.observe.extremes import FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
+from vibroplat.observe.extremes import CONTACT_FORCE, HEIGHT, IMPULSE, OPENING, ROTATION, merge_extremes
 from vibroplat.observe.measures import (
     N_POWERS,
     SUMMED,
@@ -33,6 +32,7 @@ from vibroplat.observe.measures import (
     measured_extremes,
     require,
 )
+from vibroplat.report.data_sheet import data_sheet, means, rms_about_mean
 
 #: Phase coherence below which exciters are not synchronous: the mean of their phase difference is meaningless.
 COHERENCE = 0.8
@@ -165,7 +165,7 @@ STATISTICS = (
     "measured_s",
 )
 LARGEST = ("contact_force_max_n", "gap_max_m", "impulse_max_n_s")
-_PLACES_OF_LARGEST = np.array([FORCE, OPENING, IMPULSE])
+_PLACES_OF_LARGEST = np.array([CONTACT_FORCE, OPENING, IMPULSE])
 
 
 def statistics(ms: Accumulators, extremes: Any) -> dict[str, float | None]:
@@ -291,8 +291,8 @@ def measure(part: MeasuredInterval, scene: Scene, *, brief: bool = False, known:
         **shown,
         "measured_from_s": float(marks["first"][0] if turned else marks["window"]),
         "measured_to_s": float(marks["last"][0] if turned else max(marks["until"], marks["window"])),
-        "contact_force_min_n": float(extremes["least"][FORCE]),
-        "contact_pull_n": max(0.0, -float(whole["least"][FORCE])),
+        "contact_force_min_n": float(extremes["least"][CONTACT_FORCE]),
+        "contact_pull_n": max(0.0, -float(whole["least"][CONTACT_FORCE])),
         "gap_min_m": float(whole["least"][OPENING]),
         "phi_max_rad": float(max(whole["largest"][ROTATION], -whole["least"][ROTATION])),
         "impulse_sum_n_s": float(marks["impulse_sum"]),
@@ -390,7 +390,7 @@ def inaccuracy(measures: Mapping[str, Any], scene: Scene) -> str:
 def synchronization(measures: Mapping[str, Any]) -> str:
     """Name the synchronization: ``antiphase``, ``in-phase``, ``intermediate`` or ``none``.
 
-    It is ``none`` if the phase difference drifts by more than WANDER over the measured part or is incoherent, or if
+    It is ``none`` if the phase difference drifts by more than MAX_DRIFT over the measured part or is incoherent, or if
     exciter 1 completes no turn.
     """
     split, seconds, phase = measures["frequency_split_hz"], measures["measured_s"], measures["phase_difference_rad"]

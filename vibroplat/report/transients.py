@@ -20,7 +20,7 @@ from vibroplat.observe.measures import Accumulators, measured_extremes
 from vibroplat.observe.section import section_rows
 
 #: Number of parts of the kept turns whose ranges are compared, and the ratio of the last to the first that is a decay.
-PARTS, DECAYS = 4, 0.5
+STRETCHES, DECAYS = 4, 0.5
 
 
 class Transient(NamedTuple):
@@ -82,13 +82,13 @@ def _range_at(
 
     Of the axis are known the rate of decay (1/s) and the period (s) without material.
     """
-    length, (expected, swing) = len(times) // (PARTS * turns) * turns, axis
+    length, (expected, swing) = len(times) // (STRETCHES * turns) * turns, axis
     if length < 2 * turns or times[length] - times[0] < swing:
         (size,), rate = _ranges(places[-(len(places) // turns) * turns :].reshape(1, -1, turns)), 0.0
     else:
-        size, *_, last = _ranges(places[-PARTS * length :].reshape(PARTS, -1, turns))
+        size, *_, last = _ranges(places[-STRETCHES * length :].reshape(STRETCHES, -1, turns))
         rate = (
-            math.log(size / last) / float(times[-length] - times[-PARTS * length])
+            math.log(size / last) / float(times[-length] - times[-STRETCHES * length])
             if 0.0 < last < DECAYS * size
             else 0.0
         )

@@ -24,7 +24,7 @@ from vibroplat.kernels.linear import (
     take_scaled,
 )
 from vibroplat.model.systems import GAP, SYSTEMS
-from vibroplat.observe.shots import SET, SET_DIRECTIONS, SOLVE, ShotRecords, ask, set_parameters
+from vibroplat.shooting.shots import SET, SET_DIRECTIONS, SOLVE, ShotRecords, ask, set_parameters
 
 #: Residual, in scaled units, beyond which the iteration is given up; longest period, in radians at the synchronous
 #: speed.

@@ -33,16 +33,16 @@ from vibroplat.model.energy import energies
 from vibroplat.model.parameters import record_words
 from vibroplat.model.sensitivity import Course, go_along
 from vibroplat.model.systems import FULL_SIZE, GAP
-from vibroplat.observe.guard_margins import update_minima
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import ON_SECTION, offset_of, section_angle
 from vibroplat.observe.statistics import Statistics
 from vibroplat.observe.variation import Variation, VariationalState, arrive, begin_full, follow, perturb
+from vibroplat.shooting.guard_margins import update_minima
 
 #: Parts of measures that a shot needs; the others belong to a Poincaré section.
-PARTS = 6
+MEASURED_FIELDS = 6
 #: Events and pieces of a shot for which there is room at first.
-ROOM = 256
+MAX_EVENTS = 256
 
 #: What Python is asked for: to carry the motion on, to set the parameters of the next shot, with their directions too,
 #: and to solve equations that are nearly singular.
@@ -79,7 +79,7 @@ class ShotRecords(NamedTuple):
     variation, follow, arrive
         The derivative that is carried along, and addresses of its kernels.
     look, least
-        Address of :func:`vibroplat.observe.guard_margins.update_minima`, and what it lowers.
+        Address of :func:`vibroplat.shooting.guard_margins.update_minima`, and what it lowers.
     statistics, blank, measured
         Kernel and arguments of :class:`vibroplat.observe.statistics.Statistics`; its measures at the beginning, and
         now, as numbers, one part after the other.
@@ -154,8 +154,8 @@ def shot_records(
         blank=measured.copy(),
         measured=measured,
         energies=np.empty((2, 6)),
-        events=np.zeros(ROOM, EVENT),
-        pieces=np.empty(ROOM, PART),
+        events=np.zeros(MAX_EVENTS, EVENT),
+        pieces=np.empty(MAX_EVENTS, PART),
         shot=np.zeros(1, SHOT)[0],
         end=np.zeros(FULL_SIZE),
         values=np.zeros(keys),
@@ -167,7 +167,7 @@ def shot_records(
 
 def packed(measures: Accumulators) -> npt.NDArray[np.void]:
     """Put what a shot measures side by side into one record, which is copied at once as numbers: an array of one."""
-    parts = dict(zip(Accumulators._fields, measures[:PARTS], strict=False))
+    parts = dict(zip(Accumulators._fields, measures[:MEASURED_FIELDS], strict=False))
     record = np.zeros(1, [(name, part.dtype, np.shape(part)) for name, part in parts.items()])
     for name, part in parts.items():
         record[name] = part
@@ -177,7 +177,7 @@ def packed(measures: Accumulators) -> npt.NDArray[np.void]:
 def unpacked(record: npt.NDArray[np.void], like: Accumulators) -> Accumulators:
     """View such a record as measures, whose other parts are those of others like them."""
     parts = record[0]
-    return Accumulators(*(parts[name] for name in Accumulators._fields[:PARTS]), *like[PARTS:])
+    return Accumulators(*(parts[name] for name in Accumulators._fields[:MEASURED_FIELDS]), *like[MEASURED_FIELDS:])
 
 
 @compiled

@@ -19,7 +19,7 @@ from vibroplat.config.plausibility import HINT, WARNING
 from vibroplat.config.scene import Scene
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.conveying import INTERNAL_FRICTION
-from vibroplat.observe.data_sheet import steady_supply
+from vibroplat.report.data_sheet import steady_supply
 
 #: Rotation of the platform (rad) beyond which a model of first order in φ is inaccurate.
 LARGE_ROTATION = 0.1
