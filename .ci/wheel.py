@@ -5,7 +5,8 @@ this kind of machine (cp311-cp311-linux_x86_64). Without the variable the wheel 
 compiles what it needs at its first run, so that ``pip install .`` need not wait for kernels that are perhaps never
 called. Editable installs have no machine code: their sources change.
 
-There is no list of kernels: the commands below are run in an empty cache, and what they compile goes into the wheel.
+There is no list of kernels: the commands below are run, and what is then in the cache goes into the wheel. The cache is
+that of ``NUMBA_CACHE_DIR``, or an empty one.
 """
 
 from __future__ import annotations
@@ -52,9 +53,10 @@ run(0.1), run.trajectory, run.section, variation(scene, keys="machine.stiffness_
 
 
 def compile_all(root: Path, place: Path) -> Path:
-    """Run it all, and return the folder with the machine code."""
+    """Run it all with results in a place, and return the folder with the machine code."""
     own = {name: value for name, value in os.environ.items() if not name.startswith("NUMBA_")}
-    environment = own | {"NUMBA_CACHE_DIR": str(place), "NUMBA_DISABLE_INTEL_SVML": "1"}
+    kept_in = os.environ.get("NUMBA_CACHE_DIR", str(place))
+    environment = own | {"NUMBA_CACHE_DIR": kept_in, "NUMBA_DISABLE_INTEL_SVML": "1"}
     configs = root / "configs"
 
     def compute(engine: str) -> None:
@@ -71,8 +73,9 @@ def compile_all(root: Path, place: Path) -> Path:
 
     with ThreadPoolExecutor() as pool:
         list(pool.map(compute, COMMANDS))
-    (made,) = (place / "vibroplat").glob("kernels-*")
-    return made
+    line = [sys.executable, "-c", "from vibroplat.kernels.cache import folder; print(folder())"]
+    told = subprocess.run(line, cwd=root, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    return Path(told.stdout.strip())
 
 
 class CustomBuildHook(BuildHookInterface):
@@ -94,7 +97,7 @@ class CustomBuildHook(BuildHookInterface):
         build_data["infer_tag"] = True
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
-        """Remove the folder that they were compiled in."""
+        """Remove the results of the commands."""
         shutil.rmtree(getattr(self, "_folder", ""), ignore_errors=True)
 
     @staticmethod

@@ -19,7 +19,6 @@ LONG = {
     "One motor fails in operation",
     "The least power for an amplitude",
     "Tolerances",
-    "The machine shakes sideways",
     "The smallest motor that starts",
     "Compare with measurements",
     "Acceleration and its spectrum",
@@ -30,6 +29,8 @@ LONG = {
     "A law of one's own",
     "A film for a talk",
 }
+#: Answers that take half a minute and more.
+SLOW = {"The machine shakes sideways"}
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,11 @@ def test_answers_are_short():
 
 
 @pytest.mark.parametrize(
-    "title", [pytest.param(title, marks=pytest.mark.long if title in LONG else ()) for title in ANSWERS]
+    "title",
+    [
+        pytest.param(title, marks=(pytest.mark.long,) * (title in LONG) + (pytest.mark.campaign,) * (title in SLOW))
+        for title in ANSWERS
+    ],
 )
 def test_an_answer_runs(title, begun, command, tmp_path, monkeypatch):
     shutil.copytree(begun, tmp_path / "copy", symlinks=True)

@@ -59,7 +59,7 @@ def test_few_scenes_of_a_situation_pass(name):
 
 
 @pytest.mark.parametrize(
-    "calls", [pytest.param(200, marks=pytest.mark.long), pytest.param(20_736, marks=pytest.mark.campaign)]
+    "calls", [pytest.param(120, marks=pytest.mark.long), pytest.param(20_736, marks=pytest.mark.campaign)]
 )
 def test_what_a_process_has_computed_before_changes_no_bit(calls):
     assert list(changed(tour(calls), {})) == []

@@ -177,11 +177,7 @@ def simulate(
         require_room(scene)
     keys = None if variation is False else key_tuple(() if variation is True else variation)
     start = initial_condition(scene) if start is None else start
-    makers = (
-        [partial(make_engine, name=name) for name in engines_to_try(scene, run=keys is None)]
-        if engine is None
-        else [engine]
-    )
+    makers = _makers(scene, run=keys is None) if engine is None else [engine]
     files = [file for file in sink or () if isinstance(file, TableFile)]
     for maker in makers if files or sink is None else makers[:1]:
         for file in files:
@@ -190,6 +186,11 @@ def simulate(
         if run.outcome not in FAILED:
             break
     return run
+
+
+def _makers(scene: Scene, *, run: bool) -> list[Callable[[Scene, Parameters], Engine]]:
+    """Return what makes the engine of a scene, and the one that is tried where it fails."""
+    return [partial(make_engine, name=name) for name in engines_to_try(scene, run=run)]
 
 
 def _simulate(
