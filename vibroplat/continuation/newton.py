@@ -349,7 +349,6 @@ def _search(
         residual=np.empty(m),
         residuals=np.full(iterations, np.nan),
         limits=np.array(limits, float),
-        residual_limits=np.empty(0),
         matrix=np.zeros((n, n)),
         right=np.zeros(n),
         much=np.zeros(1),

@@ -148,15 +148,6 @@ def spread(points: FloatArray, turns: int, enough: float) -> float:
 
 
 @compiled
-def is_apart(point: FloatArray, others: FloatArray, least: float) -> bool:
-    """Whether a point is farther than a distance from each of the others, shape (turns, 14), and all are numbers."""
-    nearest = math.inf
-    for i in range(others.shape[0]):
-        nearest = min(nearest, largest_difference(point, others[i]))
-    return least < nearest < math.inf
-
-
-@compiled
 def distances(points: FloatArray, turns: int) -> FloatArray:
     """Distance of each point from the one some turns later, shape (turns + 1, points); inf where there is none."""
     apart = np.full((turns + 1, points.shape[0]), np.inf)

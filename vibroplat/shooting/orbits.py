@@ -111,8 +111,8 @@ class Search(NamedTuple):
         Nearly the Jacobian, shape (m, m + keys), the rows under it, and the column beside it: empty, or shape (m,).
     residual, residuals
         Of the last shot, with its slack, shape (m,), and the largest of each iteration: nan for those not taken.
-    limits, residual_limits
-        Of the lengths of steps, and of residuals; see :func:`vibroplat.continuation.newton.correct`.
+    limits
+        Of the lengths of steps; see :func:`vibroplat.continuation.newton.correct`.
     matrix, right
         The linear equations of a step, and then their solution.
     much
@@ -127,7 +127,6 @@ class Search(NamedTuple):
     residual: FloatArray
     residuals: FloatArray
     limits: FloatArray
-    residual_limits: FloatArray
     matrix: FloatArray
     right: FloatArray
     much: FloatArray
@@ -149,8 +148,6 @@ def newton(owned_k: ShotRecords, owned_c: Chart, owned_s: Search, known: bool, h
         if why != CONVERGED:
             return why
         s.residuals[iteration] = size = fill_residual(s, raw)
-        if is_beyond(size, s.residuals[0], steps, s.residual_limits):
-            return BEYOND_LIMITS
         slow, last = size > last / MIN_CONVERGENCE, size
         if full:
             differentiate(k, c, s.jacobian)
