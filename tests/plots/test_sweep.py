@@ -44,7 +44,7 @@ def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
     plan += "max_settle_s: 2}"
     done = command("sweep", QUICKSTART, "--set", f"sweep={plan}", "--set", "name=swept")
     assert (done.code, done.err) == (0, "")
-    before = dict(mpl.rcParams)
+    before, open_figures = dict(mpl.rcParams), plt.get_fignums()
     done = command("plot", "results/swept")
     paths = [f"results/swept/sweep/{figure}.png" for figure in ("response", "bifurcation")]
     assert (done.code, done.err, done.out.splitlines()) == (0, "", paths)
@@ -52,7 +52,7 @@ def test_a_sweep_by_the_command_has_its_figures(command, kernels, here):
     assert pixels.shape[1] > 800
     assert pixels[..., :3].min() < 0.3 < pixels[..., :3].max() == 1.0  # something dark on white
     assert dict(mpl.rcParams) == before
-    assert plt.get_fignums() == []
+    assert plt.get_fignums() == open_figures
 
 
 # -- response -------------------------------------------------------------------------------------------

@@ -95,7 +95,8 @@ def put_step(q: FloatArray, lane: int, degree: int, length: float, n: int, shift
         store(following * rate, c, k, n)
         if shifted:
             c[k, 5], c[k, 11] = power * q[k, 6, lane], rate * q[k + 1, 6, lane]
-        c[k, 2 * n] = power * q[k, FORCE, lane]
+        if 2 * n < c.shape[1]:  # in flight with transport, all columns are coordinates and rates
+            c[k, 2 * n] = power * q[k, FORCE, lane]
         power *= length
 
 
