@@ -111,10 +111,11 @@ def workers_of(study: str, engine: str | None, jobs: int | None, scheduler: str 
     """Let worker processes load a study while this command does."""
     if jobs == 1 or scheduler is not None:
         return nullcontext()
+    from vibroplat.config.engine_choice import engine_of_studies
     from vibroplat.study import load_study
     from vibroplat.system.workers import loading_workers
 
-    return loading_workers(jobs, load_study, study, "taylor" if engine in (None, "auto") else engine)
+    return loading_workers(jobs, load_study, study, engine_of_studies(engine))
 
 
 def store_options(resume: bool, overwrite: bool) -> dict[str, Any]:

@@ -161,7 +161,9 @@ def paper(
     Computes figures 2-7 and their tables, and compares each claim of the paper with the simulation. Exit code 1 means
     that with --check two engines disagree.
     """
-    common.announce_first_run("taylor" if engine in (None, "auto") else engine)
+    from vibroplat.config.engine_choice import engine_of_studies
+
+    common.announce_first_run(engine_of_studies(engine))
     from vibroplat.config.reader import parse_overrides
     from vibroplat.paper.scenes import machine_numbers
 

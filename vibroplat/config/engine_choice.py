@@ -45,6 +45,11 @@ def chosen_engine(scene: Scene, *, run: bool = False) -> str:
     return "native" if run or is_stiff(scene) else "taylor"
 
 
+def engine_of_studies(asked: str | None) -> str:
+    """Name the engine that studies most likely need, before their scene is known."""
+    return "taylor" if asked in (None, "auto") else asked
+
+
 def other_engine(name: str) -> str:
     """Name the engine that checks another, or takes its place: that which shares least with it.
 

@@ -193,11 +193,14 @@ def set_in_vain(keys: Iterable[str], command: str) -> list[str]:
     return [f"{WARNING}no effect of {key} on {command}" for key in vain]
 
 
-def _no_effect(unread: Mapping[str, str], chosen: str = WARNING) -> list[str]:
-    """Say which keys have no effect, a note for each reason; they begin with ``chosen`` unless it may be a slip."""
+def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str]:
+    """Say which keys have no effect, a note for each reason.
+
+    A choice, such as one layer, is seldom a slip: its note begins with ``of_choices``.
+    """
     notes = []
     for why in dict.fromkeys(unread.values()):
-        begin = WARNING if why in (_BARE, _NOT_RANDOM) else chosen
+        begin = WARNING if why in (_BARE, _NOT_RANDOM) else of_choices
         notes.append(f"{begin}no effect of {', '.join(key for key in unread if unread[key] == why)}: {why}")
     return notes
 

@@ -55,7 +55,7 @@ PLAIN_NAME = rf"^[^{_PUNCTUATION}+._-][^{_PUNCTUATION}]*$"
 _SPELT = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "o", "ł": "l"}
 )
-#: The sign of printed numbers, which differs from the hyphen; and the dash that word processors make of one.
+#: The minus sign of printed numbers, and the dash that word processors make of a hyphen.
 MINUS, DASH = "−", "–"
 _NAMES = {
     NAME: "letters, digits and . _ + -, starting with a letter or digit",

@@ -158,9 +158,8 @@ def simulate(
     start
         Initial condition, if it is known already. Default: the initial condition of the scene.
     engine
-        Function that makes the engine. Default: ``solver.engine``. If that is ``auto``, engine ``native`` integrates
-        the run, or with ``variation`` the engine of derivatives. Where it fails, the run is repeated by the other one,
-        unless a ``sink`` of functions has received its tables.
+        Function that makes the engine. Default: ``solver.engine``; ``auto`` is ``native``, or with ``variation`` the
+        engine of derivatives, and the other one where it fails, unless a ``sink`` of functions has received tables.
 
     Returns
     -------

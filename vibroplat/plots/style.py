@@ -85,7 +85,7 @@ class Saving:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Use the common style; a name whose letters the font lacks has boxes in their place, without a word."""
+    """Use the common style. Letters that the font lacks are drawn as boxes, without a warning."""
     told = logging.getLogger("matplotlib.mathtext")
     level = told.level
     with mpl.rc_context(_STYLE), warnings.catch_warnings():
