@@ -32,13 +32,13 @@ ROOMS = (
         "designs",
         "paper",
     ),
-    *("plots", "page", "bench", "cli"),
+    *("measured", "plots", "page", "bench", "cli"),
     "__main__",
 )
 #: Files of tests that the map of the house names.
 OF_TESTS = {"tests/test_rooms.py", "tests/results/test_result.py", "tests/study/test_new_kind.py"}
 #: What the page may use: it is drawn from result tables alone.
-OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "plots", "page"}
+OF_THE_PAGE = {"errors", "columns", "system", "config", "results", "measured", "plots", "page"}
 
 
 def name_of(path):

@@ -8,8 +8,8 @@ from common.places import QUICKSTART
 from common.results import unproven
 
 from vibroplat import load_config, simulate
+from vibroplat.measured.data import read_data
 from vibroplat.plots.command import draw_results
-from vibroplat.plots.measured import read_data
 from vibroplat.results.files import write_result
 from vibroplat.results.run import load
 

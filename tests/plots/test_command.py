@@ -9,8 +9,8 @@ from common import commands
 from common.places import ROOT
 
 from vibroplat.errors import TableError, VibroplatError
+from vibroplat.measured.data import read_data
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.measured import read_data
 from vibroplat.plots.paper import FIGURES, MASSES, history
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.results.result import Result
@@ -72,11 +72,23 @@ def test_what_results_cannot_show_is_refused(names, kinds, options, line, saved,
     [
         ("f,rms_y_m\n1,2\n", "no column of the horizontal axis in f, rms_y_m; allowed: excitation_frequency_hz"),
         ("excitation_frequency_hz,y\n1,2\n", "no column that a figure shows in excitation_frequency_hz, y; allowed: "),
-        ("excitation_frequency_hz,rms_y_m\n1,big\n", "column rms_y_m holds 'big'; allowed: numbers such as 0.5"),
-        ("excitation_frequency_hz,rms_y_m\n1,1e308\n", "column rms_y_m holds 1e+308; allowed: numbers such as 0.5 up"),
-        (f"excitation_frequency_hz,rms_y_m\n{10**31},1\n", f"column excitation_frequency_hz holds {10**31}; allowed: "),
-        ("excitation_frequency_hz,rms_y_m\n23,1,0,002\n", "rows have more values than the first line; allowed: names"),
-        ("", "cannot be read: No columns"),
+        (
+            "excitation_frequency_hz,rms_y_m\n1,big\n",
+            "column rms_y_m holds 'big' in line 2; allowed: ",
+        ),
+        (
+            "excitation_frequency_hz,rms_y_m\n1,1e308\n",
+            "column rms_y_m holds 1e+308 in line 2; ",
+        ),
+        (
+            f"excitation_frequency_hz,rms_y_m\n{10**31},1\n",
+            "column excitation_frequency_hz holds 1e+31 in line 2; ",
+        ),
+        (
+            "excitation_frequency_hz,rms_y_m\n23,1,0,002\n",
+            "line 2 has more values than there are names; allowed: ",
+        ),
+        ("", "cannot be read: it is empty"),
         (None, "there is no such file"),
     ],
 )

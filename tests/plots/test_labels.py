@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from vibroplat import load_config
 from vibroplat.columns import PHASE_COLUMN
+from vibroplat.measured.data import Measured
 from vibroplat.page.results import differences
 from vibroplat.plots.axes import name_axis
-from vibroplat.plots.measured import Measured
+from vibroplat.plots.pictures import draw_measured
 from vibroplat.plots.style import save, styled
 from vibroplat.results.content import measures
 from vibroplat.results.labels import (
@@ -98,7 +99,7 @@ def test_a_phase_axis_tells_values_as_tables_do():
     assert told["180°"] == pytest.approx(np.pi)
     assert told["−90°"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
     table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], PHASE_COLUMN: [-3.136, 3.136]})
-    Measured(Path("measured"), table).draw(axis, "supply_frequency_hz", PHASE_COLUMN)
+    draw_measured(axis, Measured(Path("measured"), table), "supply_frequency_hz", PHASE_COLUMN)
     low, high = axis.get_ylim()
     drawn = axis.lines[0].get_ydata()
     assert all(low < value < high for value in drawn)

@@ -14,9 +14,9 @@ from vibroplat import load_config
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.kinds import RUN_FIGURES
 from vibroplat.errors import TableError
+from vibroplat.measured.data import read_data
 from vibroplat.plots import headlines, histories
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.measured import read_data
 from vibroplat.plots.run import FIGURES
 from vibroplat.results.labels import run_parameters
 from vibroplat.results.run import RunResult

@@ -20,6 +20,16 @@ if TYPE_CHECKING:
 _FIGURES = " ".join([RUN_FIGURES, *(kind.figures for kind in KINDS.values())])
 Kind = StrEnum("Kind", _FIGURES)  # type: ignore[misc]
 
+#: Measured data beside results.
+Data = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE[:MAP]",
+        help="Measured data to overlay and compare: CSV or .xlsx, columns as in the tables, or as MAP says, e.g. "
+        "t=Zeit,ay=Beschl_y*9.81,shift=fit,offset=fit.",
+    ),
+]
+
 
 def plot(
     directories: Annotated[
@@ -36,14 +46,7 @@ def plot(
         list[str] | None,
         typer.Option(metavar="COLUMN", help="Column to plot in a response, a map or thresholds. May be repeated."),
     ] = None,
-    data: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE[:MAP]",
-            help="Measured data to overlay and compare: CSV, columns as in the tables, or as MAP says, e.g. "
-            "t=Zeit,ay=Beschl_y*9.81,shift=fit.",
-        ),
-    ] = None,
+    data: Data = None,
     format_: Annotated[Literal["png", "pdf", "svg"], typer.Option("--format", help="Format of the figures.")] = "png",
     dpi: Annotated[int | None, typer.Option(min=10, max=2400, help="Dots per inch. Default: 130.")] = None,
     out: Annotated[Path | None, typer.Option(help="Directory for the figures. Default: the first DIR.")] = None,
@@ -52,8 +55,8 @@ def plot(
 
     Several runs or sweeps are overlaid. Only the tables in DIR are read; nothing is simulated.
     """
+    from vibroplat.measured.data import read_data
     from vibroplat.plots.command import plot_results
-    from vibroplat.plots.measured import read_data
     from vibroplat.plots.style import Saving
 
     kinds, saving = [one.value for one in kind or []], Saving(format_, dpi, out)
@@ -80,6 +83,7 @@ def report(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace FILE even if it is not a page of vibroplat.")
     ] = False,
+    data: Data = None,
 ) -> None:
     """Write results as one HTML page that opens offline.
 
@@ -90,7 +94,10 @@ def report(
 
     with points_progress("orbits") as progress:
         mover = _move if orbits else None
-        print(write_report(directories, out, start, stop, mover=mover, progress=progress, overwrite=overwrite))
+        kept = write_report(
+            directories, out, start, stop, mover=mover, progress=progress, overwrite=overwrite, data=data
+        )
+        print(kept)
 
 
 def film(

@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import FORCES
+from vibroplat.measured.data import Measured
 from vibroplat.page.panels import points, strips
 from vibroplat.page.run import ShownRun
 from vibroplat.page.svg import Plot, plain_text
 from vibroplat.page.view import View, axis_name, heading, places_of
 from vibroplat.plots.histories import FURTHER, POWERS
-from vibroplat.plots.run import FIGURES, RunPicture, curve, missing, of_both
+from vibroplat.plots.run import FIGURES, RunPicture, beside, curve, missing, of_both
 from vibroplat.results.labels import capital
 from vibroplat.results.picture import VERMILION, Facet, Panel, Picture
+from vibroplat.results.run import RunResult
 
 #: Shortest time from the beginning of a run in which its start is shown (s).
 START = 1.0
@@ -76,6 +78,15 @@ class Runs:
         pairs, singles = ("".join("".join(of) for of in drawn if (len(of) > 1) == two) for two in (True, False))
         html = f'<div class="pair">{pairs}</div><div class="panels">{singles}{bands}</div>'
         return html, len(drawn)
+
+
+def beside_measured(
+    data: Measured, results: Sequence[RunResult], names: Sequence[str], start: float | None, stop: float | None
+) -> str:
+    """Return the curves of measured data and of runs, and compare them."""
+    shown = RunPicture(beside(data, results, start, stop), data, names if len(names) > 1 else ())
+    picture = FIGURES["measured"](shown)
+    return "".join(plot.html() for panel in picture.panels for plot in _plots(picture, panel))
 
 
 def _platform(shown: RunPicture, main: str) -> Picture:

@@ -20,7 +20,9 @@ from vibroplat.config.engine_choice import COMPUTED_BY
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import by_severity
 from vibroplat.config.scene import Scene
-from vibroplat.page.curves import Runs
+from vibroplat.errors import TableError
+from vibroplat.measured.data import Measured, read_data
+from vibroplat.page.curves import Runs, beside_measured
 from vibroplat.page.machine import PLAY, as_json, drawing, machine_of
 from vibroplat.page.orbits import MOST_SAMPLES, Motions, Mover, Progress
 from vibroplat.page.pictures import picture_html
@@ -59,6 +61,7 @@ def write_report(
     mover: Mover | None = None,
     progress: Progress | None = None,
     overwrite: bool = False,
+    data: str | Path | None = None,
 ) -> Path:
     """Write a page of the results in some directories.
 
@@ -76,6 +79,8 @@ def write_report(
         no orbits.
     overwrite
         Whether the page may replace a file of another kind.
+    data
+        Measured data beside the first run, as :func:`vibroplat.measured.data.read_data` takes it.
 
     Returns
     -------
@@ -90,7 +95,9 @@ def write_report(
     path = directories[0] / NAME if out is None else out
     require_replaceable(path, BEGINS, overwrite=overwrite)
     with as_written(*directories):
-        text = Report(find_results(directories), start, stop, mover, progress).page()
+        text = Report(
+            find_results(directories), start, stop, mover, progress, None if data is None else read_data(data)
+        ).page()
     replace_file(path, lambda file: file.write_text(text, encoding="utf-8", newline="\n"))
     return path
 
@@ -105,6 +112,8 @@ class Report:
         The results.
     start, stop, mover, progress
         As in :func:`write_report`.
+    data
+        Measured data.
     """
 
     results: Sequence[Result]
@@ -112,6 +121,7 @@ class Report:
     stop: float | None = None
     mover: Mover | None = None
     progress: Progress | None = None
+    data: Measured | None = None
 
     @cached_property
     def runs(self) -> list[RunResult]:
@@ -151,7 +161,7 @@ class Report:
             "TITLE": escape(self.title),
             "STYLE": _web("style.css"),
             "HEADER": self._header(),
-            "RUNS": self._runs() if self.runs else "",
+            "RUNS": (self._runs() if self.runs else "") + self._measured(),
             "STUDIES": self._studies(machines),
             "FOLDS": self._folds(),
             "MACHINES": _machines(machines),
@@ -204,6 +214,20 @@ class Report:
         return f'<p class="answer{" bad" * bad}{" run" * (name != "")}">{name}{escape(headline)}</p>{more}'
 
     # -- runs ---------------------------------------------------------------------------------------
+
+    def _measured(self) -> str:
+        """Return measured data beside the runs, and how they differ; raises TableError without runs."""
+        if self.data is None:
+            return ""
+        if not self.run_curves:
+            raise TableError(f"--data {self.data}: there is no run to compare with; allowed: with the results of a run")
+        names = [one.label for one in self.runs]
+        figures = beside_measured(self.data, self.runs, names, self.start, self.stop)
+        lines = "".join(f"<li>{escape(line)}</li>" for line in self.data.lines())
+        return (
+            f'<section class="study" id="measured"><h2>Measured data</h2><ul class="notes">{lines}</ul>'
+            f'<div class="panels">{figures}</div></section>'
+        )
 
     def _runs(self) -> str:
         """Return the first screen of runs: machines, data sheet, and the curves that matter."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from vibroplat.columns import QUANTITIES
 from vibroplat.config.kinds import KINDS, RUN_FIGURES, noun_of
 from vibroplat.errors import VibroplatError
-from vibroplat.plots.measured import Measured, read_data
+from vibroplat.measured.data import Measured, read_data
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.style import Saving, save, styled
 from vibroplat.results.files import commands_in, directory_of
@@ -67,7 +67,7 @@ def plot_results(
     options
         ``start`` and ``stop`` of the interval of a run (s), ``x``: horizontal axis of a sweep or of branches
         (``excitation`` or ``supply``), ``data``: file of measured data laid over the figures, as
-        :func:`vibroplat.plots.measured.read_data` takes it, ``measure``: columns that
+        :func:`vibroplat.measured.data.read_data` takes it, ``measure``: columns that
         response and map of a sweep, and thresholds, show. None: not given.
 
     Raises

@@ -18,13 +18,13 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import AsinhLocator, MaxNLocator
 
 from vibroplat.columns import PHASE_COLUMN, quantity_of
+from vibroplat.measured.data import Measured, curve_of
 from vibroplat.plots.axes import begin_at_zero, in_decades, in_units, name_axis, widen_ticks
 from vibroplat.plots.layout import Cell, cells_of
-from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
 from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
 from vibroplat.plots.style import CAPTION_COLOUR, entry, few, head, legend_below
-from vibroplat.results.labels import is_number, key_label
+from vibroplat.results.labels import is_number, key_label, plain
 from vibroplat.results.picture import (
     BEHIND,
     BLACK,
@@ -50,6 +50,8 @@ _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0
 #: Most entries of a legend in the place of a panel that is left empty, most dots that are drawn as such, and most wraps
 #: of a line of common width; of more, nothing but a drift is to be seen.
 MOST_WITHIN, MOST_DOTS, MOST_WRAPS = 11, 2000, 60
+#: Most measured points that are drawn large.
+MOST_LARGE = 100
 #: An axis that has room for numbers near 0 is linear up to this distance from it, and logarithmic farther away;
 #: and about how many ticks have room there.
 NEAR_ZERO, MAX_TICKS = 1e-3, 6
@@ -144,7 +146,7 @@ def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArr
 
 def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) -> Figure:
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
-    x = x or picture.axes[0]
+    x, data = x or picture.axes[0], None if picture.name == "measured" else data  # which it has itself
     computed, picture = picture.points, _in_units(picture, x)
     figure, strip, cells = cells_of(picture, x)
     if strip is not None:
@@ -178,6 +180,20 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
     return figure
 
 
+def draw_measured(axis: Axes, data: Measured, x: str, column: str) -> None:
+    """Draw measured data over another column where they have both, in black diamonds, smaller ones if they are many.
+
+    Over time, data outside of the range of all drawn curves are left out.
+    """
+    if {x, column} <= {*data.table.columns}:
+        low, high = axis.dataLim.intervalx if x == "t_s" else (-np.inf, np.inf)
+        table = data.table[data.table[x].between(low, high)]
+        size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
+        look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
+        label = ", ".join([f"measured: {plain(data.path.name)}", *data.differences()])
+        axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
+
+
 def _in_units(picture: Picture, x: str) -> Picture:
     """Return a picture whose drawn columns are in the units of their axes."""
     points = picture.points
@@ -199,7 +215,7 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     if data is not None:
         curves = [curve_of(data[1].iloc[s.places[s.places != BROKEN]], panel.column, x) for s in shown]
         data[0].compare(panel.column, x, curves)
-        data[0].draw(axis, x, panel.column)
+        draw_measured(axis, data[0], x, panel.column)
     if kind not in ("ranks", "bars") and (cell.is_first or not picture.facets):
         label = "" if panel.by and panel.kind != "plane" else panel.label
         name_axis(axis, panel.column, label, picture.rotation)

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, split, unit_of
+from vibroplat.columns import FORCES, PHASE, PHASE_COLUMN, display_name, split, unit_of
 from vibroplat.config import digits
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.plausibility import MIN_SAMPLES_OF_SPECTRUM
 from vibroplat.errors import TableError
+from vibroplat.measured.data import Measured, curve_of
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import (
     FEWEST,
@@ -27,9 +28,10 @@ from vibroplat.plots.histories import (
     turns_of,
     whole_of,
 )
-from vibroplat.plots.measured import Measured, curve_of
+from vibroplat.plots.pictures import MOST_LARGE
+from vibroplat.plots.reading import rest_of
 from vibroplat.results import picture
-from vibroplat.results.labels import compared, distinct, named, phase_label, run_parameters
+from vibroplat.results.labels import compared, distinct, named, phase_label, plain, run_parameters
 from vibroplat.results.picture import BLACK, BROKEN, CURVES, LOW, REFERENCE, Facet, Panel
 from vibroplat.results.run import RunResult
 
@@ -200,17 +202,7 @@ def pictures(
     TableError
         Tables are missing or have another schema version, or the interval is empty.
     """
-    given = [] if data is None else [*map(str, data.given)]
-    wholes = [whole_of(one, given) for one in results] if data is not None and start is stop is None else []
-    if data is not None and data.shift != 0.0 and wholes:
-        start, stop = data.interval_in(wholes[0])
-    runs = [run_of(one, start, stop, given) for one in results]
-    if data is not None:
-        numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
-        data.select("t_s", numbers).fit(runs[0].shown)
-        for column in numbers:
-            tables = [table for table in wholes or [run.shown for run in runs] if column in table]
-            data.compare(column, "t_s", [curve_of(table, column) for table in tables])
+    runs = [run_of(one, start, stop) for one in results] if data is None else beside(data, results, start, stop)
     names = list[str]()
     if len(runs) > 1:
         labels = distinct([run.name for run in runs], [one.home or Path(one.place) for one in results])
@@ -221,6 +213,24 @@ def pictures(
         able = ", ".join(kind for kind in FIGURES if not missing(kind, shown))
         raise TableError(f"figure {kinds[0]}: {results[0].place} {missing(kinds[0], shown)}; allowed: {able}")
     yield from (FIGURES[kind](shown.anew()) for kind in drawn)
+
+
+def beside(data: Measured, results: Sequence[RunResult], start: float | None, stop: float | None) -> list[RunTables]:
+    """Cut runs to an interval, or else to that of measured data if these are shifted, and compare both."""
+    given = [*map(str, data.given)]
+    scene = results[0].known_scene
+    if data.is_trajectory and scene:
+        data.from_rest(rest_of(scene))
+    wholes = [whole_of(one, given) for one in results] if start is stop is None else []
+    if data.shift != 0.0 and wholes:
+        start, stop = data.interval_in(wholes[0])
+    runs = [run_of(one, start, stop, given) for one in results]
+    numbers = [column for column in map(str, runs[0].shown.select_dtypes("number")) if column != "t_s"]
+    data.select("t_s", numbers).fit(runs[0].shown)
+    for column in numbers:
+        tables = [table for table in wholes or [run.shown for run in runs] if column in table]
+        data.compare(column, "t_s", [curve_of(table, column) for table in tables])
+    return runs
 
 
 def missing(kind: str, shown: RunPicture) -> str:
@@ -448,8 +458,14 @@ def _measured(shown: RunPicture) -> picture.Picture:
         for number, run in enumerate(run for run in shown.runs if column in run.shown):
             look: dict[str, Any] = {"colour": CURVES[number % len(CURVES)], "of": (column,)}
             shown.draw(run.shown[["t_s", column]], shown.called(run, "computed"), **look)
+        begin, end = shown.runs[0].shown["t_s"].iloc[[0, -1]]
+        table = data.table[["t_s", column]]
+        mode = "markers" if len(table) <= MOST_LARGE else "dots"
+        look = {"mode": mode, "symbol": "D", "colour": BLACK, "of": (column,)}
+        shown.draw(table[table["t_s"].between(begin, end)], f"measured: {plain(data.path.name)}", **look)
     shifted = f"measured data {data.shifted}" if data.shifted else ""
-    panels = [shown.panel(column, title=data.difference(column)) for column in columns]
+    titles = {column: f"{display_name(column)} {data.difference(column)}".strip() for column in columns}
+    panels = [shown.panel(column, title=titles[column]) for column in columns]
     found = shown.picture("measured", panels, shifted, facets=0)
     return replace(found, title="; ".join(data.differences()) or found.title)
 
