@@ -7,6 +7,7 @@ from common.places import QUICKSTART
 
 from vibroplat import Machine, Scene, load_config
 from vibroplat.config.plausibility import HINT, WARNING, notes_on_input, notes_on_inputs, notes_on_plan, set_in_vain
+from vibroplat.errors import ConfigError
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -174,8 +175,8 @@ def test_a_scene_without_a_machine_says_which_it_takes():
 @pytest.mark.parametrize(
     ("left_out", "notes"),
     [
-        ("stiffness_x_n_per_m", ["machine: stiffness_x_n_per_m not given"]),
-        ("stiffness_x_n_per_m damping_y_n_s_per_m", ["machine: stiffness_x_n_per_m and damping_y_n_s_per_m not given"]),
+        ("damping_x_n_s_per_m", ["machine: damping_x_n_s_per_m not given"]),
+        ("damping_x_n_s_per_m damping_y_n_s_per_m", ["machine: damping_x_n_s_per_m and damping_y_n_s_per_m not given"]),
         ("gravity_m_per_s2", []),
     ],
 )
@@ -187,6 +188,32 @@ def test_keys_of_a_machine_that_are_left_out_are_noted(left_out, notes, tmp_path
     file = tmp_path / "own.yaml"
     file.write_text(f"machine: {given}\nmotor: {SECTIONS['motor'].model_dump(exclude_none=True)}\n")
     assert notes_on_input(load_config(file)) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "begun", "missing"),
+    [
+        ("exciters: [{static_moment_kg_m: 4.8}, {}]", "exciters", "exciters.1.static_moment_kg_m"),
+        ("motors: [{}, {}]", "motors", "machine.unbalance_mass_kg"),
+        (
+            "machine: {platform_mass_kg: 2200, unbalance_mass_kg: 5, unbalance_radius_m: 0.1}",
+            "machine.platform_mass_kg",
+            "",
+        ),
+    ],
+)
+def test_a_machine_of_ones_own_is_whole_or_refused(text, begun, missing, tmp_path):
+    """No machine of 2.4 t has the springs of a test rig."""
+    file = tmp_path / "own.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    line = str(caught.value)
+    assert line.startswith(f"{file}: {begun} is given without machine.platform_")
+    assert line.endswith(f"{missing}; allowed: all of a machine of one's own, or extends with the file of one")
+    file.write_text(f"extends: {QUICKSTART}\n{text}")
+    load_config(file)
+    load_config(QUICKSTART, {"machine.platform_mass_kg": 13.0})
 
 
 def test_keys_of_the_machine_that_each_exciter_gives_have_no_effect_and_are_not_written():

@@ -47,7 +47,7 @@ def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
 
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):
     for text, value in (("580e3", 580e3), ("1.E+2", 100.0), (".5", 0.5), ("0x10", 16.0), ("0o10", 8.0)):
-        assert scene_of(f"machine: {{platform_mass_kg: {text}}}").machine.platform_mass_kg == value
+        assert scene_of(f"machine: {{gravity_m_per_s2: {text}}}").machine.gravity_m_per_s2 == value
     for text, meant in (("yes", ""), ("1:30", ""), ("'5'", ", as 5"), ("5 kg", "")):
         assert complaint(f"drive:\n  supply_frequency_hz: {text}\n").endswith(f"allowed: a number{meant}")
 
@@ -93,6 +93,12 @@ def test_files_may_extend_many(tmp_path):
     assert load_tree(chain(tmp_path / ("a" * 100), 50)) == found
 
 
+#: A whole machine, without which motors of one's own are refused; radii and rotors are its own or the exciters'.
+PLATFORM = (
+    "platform_mass_kg: 12.42, platform_inertia_kg_m2: 0.11, unbalance_mass_kg: 0.045, damping_y_n_s_per_m: 7, "
+    "stiffness_x_n_per_m: 580e3, stiffness_y_n_per_m: 470e3, stiffness_phi_n_m_per_rad: 1.8e3"
+)
+RIG = f"machine: {{{PLATFORM}, unbalance_radius_m: 0.05, rotor_inertia_kg_m2: 2e-3}}\n"
 PROGRAM = "drive: {program: [{t_s: 0, supply_frequency_hz: 50}]}"
 NATURAL = "material: {natural_frequency_hz: 18.5, damping_ratio: 0.05}"
 #: Files, what is laid over them, and what says the same at once if that is not the upper file alone.
@@ -118,9 +124,9 @@ LAYERS += [(f"run: {{initial: {{{below}}}}}", f"run: {{initial: {{{above}}}}}", 
 
 def test_upper_file_gives_one_of_several_alternatives(here, scene_of):
     for below, above, at_once in LAYERS:
-        (here / "base.yaml").write_text(below)
+        (here / "base.yaml").write_text(RIG + below)
         scene = scene_of(f"extends: base.yaml\n{above}\n")
-        assert scene == scene_of(at_once or above)
+        assert scene == scene_of(RIG + (at_once or above))
         assert Scene.from_tree(scene.to_tree()) == scene == scene.replace()
 
 
@@ -147,12 +153,12 @@ def test_settings_are_laid_over_the_file(scene_of):
 
 
 #: A machine, given by each kind of keys.
-MACHINE = "machine: {unbalance_radius_m: 0.05, rotor_inertia_kg_m2: 2e-3, damping_y_n_s_per_m: 7}\n"
 BELOW = {
-    "motor": f"{MACHINE}motor: {{critical_slip: 0.3, pole_pairs: 3}}\n",
-    "motors": f"{MACHINE}motors: [{{critical_slip: 0.3}}, {{pole_pairs: 3}}]\n",
-    "exciters": "machine: {damping_y_n_s_per_m: 7}\nexciters: [{unbalance_radius_m: 0.05}, {pole_pairs: 3}]\n",
-    "nothing": "machine: {damping_y_n_s_per_m: 7}\n",
+    "motor": f"{RIG}motor: {{critical_slip: 0.3, pole_pairs: 3}}\n",
+    "motors": f"{RIG}motors: [{{critical_slip: 0.3}}, {{pole_pairs: 3}}]\n",
+    "exciters": f"machine: {{{PLATFORM}}}\n"
+    "exciters: [{unbalance_radius_m: 0.05}, {pole_pairs: 3, unbalance_radius_m: 0.09}]\n",
+    "nothing": f"machine: {{{PLATFORM}, unbalance_radius_m: 0.09}}\n",
 }
 
 

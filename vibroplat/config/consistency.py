@@ -46,7 +46,7 @@ def _require_transportable(scene: Any) -> None:
     if scene.transport is None:
         return
     wrong = {
-        "material.mass_ratio": (scene.material.mass_ratio, scene.material.mass_ratio > 0.0, "more than 0"),
+        "material.mass_ratio": (scene.mass_ratio, scene.material.is_there, "more than 0"),
         "contact.model": (scene.contact.model, scene.contact.model == "impact", "impact"),
         "contact.impact_law": (
             *(scene.contact.impact_law, scene.contact.impact_law == "conservative"),

@@ -12,6 +12,12 @@ from vibroplat.config.reader import add_line, load_tree, merge, nest
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 
+#: Keys without which a machine of one's own would be a test rig of 12 kg; the section ``springs`` has those of springs.
+_OWN = ("platform_mass_kg", "platform_inertia_kg_m2")
+_SPRINGS = ("stiffness_x_n_per_m", "stiffness_y_n_per_m", "stiffness_phi_n_m_per_rad")
+#: Ways to give the static moment of an exciter.
+_MOMENTS = (("static_moment_kg_m",), ("unbalance_mass_kg", "unbalance_radius_m"))
+
 
 @validated(path=FileName)
 def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | None = None) -> Scene:
@@ -32,7 +38,27 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     file = Path(path)
     lower = load_tree(file)
     try:
-        return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})))
+        tree = merge(lower, nest(overrides or {}))
+        scene = Scene.from_tree({"name": file.stem} | tree)
     except ConfigError as error:
         message = add_line(str(error), file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {message}") from None
+    _require_whole_machine(file, lower, tree)
+    return scene
+
+
+def _require_whole_machine(file: Path, own: Mapping[str, Any], tree: Mapping[str, Any]) -> None:
+    """Refuse a file with motors, exciters or a mass of its own that leaves other numbers of its machine to defaults."""
+    begun = [name for name in ("exciters", "motors") if own.get(name)]
+    begun += ["machine.platform_mass_kg"] if "platform_mass_kg" in (own.get("machine") or {}) else []
+    known = {key for key, value in (tree.get("machine") or {}).items() if value is not None}
+    missing = [f"machine.{key}" for key in (*_OWN, *(() if tree.get("springs") else _SPRINGS)) if key not in known]
+    exciters = tree.get("exciters")
+    for number, exciter in enumerate(exciters or ({},)):
+        if not any(known | {*exciter} >= {*way} for way in _MOMENTS):
+            missing.append(f"exciters.{number}.static_moment_kg_m" if exciters else "machine.unbalance_mass_kg")
+    if begun and missing:
+        raise ConfigError(
+            f"{file}: {begun[0]} is given without {', '.join(missing)}; allowed: all of a machine of one's own, or "
+            "extends with the file of one"
+        )

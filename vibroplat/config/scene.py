@@ -118,7 +118,7 @@ class Scene(Section):
     @property
     def has_contact(self) -> bool:
         """Whether material can press on the platform and lift off."""
-        return self.material.mass_ratio > 0.0 and self.contact.model == "impact"
+        return self.material.is_there and self.contact.model == "impact"
 
     @property
     def layers(self) -> int:
@@ -327,7 +327,14 @@ class Scene(Section):
     @property
     def material_mass(self) -> float:
         """m_w = μ_w M (kg)."""
-        return self.material.mass_ratio * self.body.mass
+        given = self.material.mass_kg
+        return self.material.mass_ratio * self.body.mass if given is None else given
+
+    @property
+    def mass_ratio(self) -> float:
+        """μ_w = m_w / M."""
+        given = self.material.mass_kg
+        return self.material.mass_ratio if given is None else given / self.body.mass
 
     @property
     def layer_masses(self) -> tuple[float, float]:

@@ -239,6 +239,9 @@ class Material(Section):
     mass_ratio: NonNegative = described(
         0.0, "mu_w", "mass of the material divided by the mass of the machine, m_w / M; 0: bare platform", "0.1 … 0.5"
     )
+    mass_kg: NonNegative | None = described(
+        None, "m_w", "mass of the material, instead of mass_ratio", "0.1 … 0.5 of the machine"
+    )
     layers: Annotated[Literal[1, 2], BeforeValidator(_not_bool)] = Field(
         2, description="number of layers of the material; 1 for a thin layer"
     )
@@ -258,11 +261,20 @@ class Material(Section):
         None, "b_w", "coefficient of the damper between the layers, instead of damping_ratio"
     )
 
-    alternatives = (("natural_frequency_hz", "stiffness_n_per_m"), ("damping_ratio", "damping_n_s_per_m"))
+    alternatives = (
+        ("mass_kg", "mass_ratio"),
+        ("natural_frequency_hz", "stiffness_n_per_m"),
+        ("damping_ratio", "damping_n_s_per_m"),
+    )
+
+    @property
+    def is_there(self) -> bool:
+        """Whether there is any material."""
+        return (self.mass_ratio if self.mass_kg is None else self.mass_kg) > 0.0
 
     @model_validator(mode="after")
     def _two_layers(self) -> Self:
-        if self.mass_ratio > 0.0 and self.layers == 2:
+        if self.is_there and self.layers == 2:
             if self.lower_share == 1.0:
                 raise ValueError(
                     "lower_share = 1 leaves no upper layer; allowed with layers = 2: more than 0, less than 1"

@@ -330,7 +330,7 @@ def _events(one: Result) -> pd.DataFrame:
 def _inputs(scene: Scene) -> str:
     """Return what a machine is, in a few lines."""
     drive, torques = scene.drive, [exciter.critical_torque_n_m for exciter in scene.exciter_pair]
-    material = f"{quantity(scene.material_mass, 'kg')} = {percent(scene.material.mass_ratio)}"
+    material = f"{quantity(scene.material_mass, 'kg')} = {percent(scene.mass_ratio)}"
     supply = f"{given(drive.largest_frequency)} Hz"
     rows = {
         "platform with unbalances": quantity(scene.platform_mass, "kg", digits=4),

@@ -27,6 +27,7 @@ _FREQUENCIES = {
 #: Names and symbols of keys; others have no symbol and are called by the words of their last part.
 _KEYS = {
     "material.mass_ratio": ("mass ratio", r"$\mu_w$"),
+    "material.mass_kg": ("mass of the material", "$m_w$"),
     "material.natural_frequency_hz": ("natural frequency of the layers", "$f_w$"),
     "material.damping_ratio": ("damping ratio of the layers", r"$\zeta_w$"),
     "contact.restitution": ("restitution", "$R$"),
@@ -192,11 +193,11 @@ def _switched(entry: Entry) -> list[str]:
 
 def _material(scene: Scene, varied: Sequence[str] = ()) -> list[str]:
     """Return mass, layers and contact; what varies is left out."""
-    mass_varies = "material.mass_ratio" in varied
-    ratio = scene.material.mass_ratio
+    mass_varies = not {"material.mass_ratio", "material.mass_kg"}.isdisjoint(varied)
+    ratio = scene.mass_ratio
     if ratio == 0.0 and not mass_varies:
         return ["no material"]
-    parts = [] if mass_varies else [rf"$\mu_w$ = {ratio:g}"]
+    parts = [] if mass_varies else [rf"$\mu_w$ = {ratio:.4g}"]
     if scene.contact.model == "non-impact":
         return [*parts, "non-impact model"]
     if "material.layers" not in varied:
