@@ -77,7 +77,9 @@ def sticking(phase, gap, rate):
     raise AssertionError("a ball comes to neither motion")
 
 
-@pytest.mark.parametrize("number", [80, pytest.param(10_000, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "number", [80, pytest.param(2_000, marks=pytest.mark.long), pytest.param(10_000, marks=pytest.mark.campaign)]
+)
 def test_all_balls_come_to_the_motion_that_the_map_says(number):
     scene = shaken(GAMMA, RESTITUTION)
     box = {GAP: [0.01 * LENGTH, 8.0 * LENGTH], RATE: [-4.0 * SPEED, 4.0 * SPEED]}

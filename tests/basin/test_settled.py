@@ -43,7 +43,7 @@ def test_material_that_runs_away_has_no_speed_and_is_one_motion():
 
 @pytest.mark.long
 def test_shares_are_those_of_the_other_engine():
-    one, other = (counts(machine(engine, random=40, max_turns=1000)) for engine in ("taylor", "native"))
+    one, other = (counts(machine(engine, random=20, max_turns=1000)) for engine in ("taylor", "native"))
     assert one == other
     assert len(one) > 1
 
