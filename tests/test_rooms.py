@@ -22,6 +22,7 @@ ROOMS = (
         "shooting",
         "report",
         "results",
+        "measured",
         "inspection",
         "motion",
         "study",
@@ -30,9 +31,10 @@ ROOMS = (
         "thresholds",
         "basin",
         "designs",
+        "fitting",
         "paper",
     ),
-    *("measured", "plots", "page", "bench", "cli"),
+    *("plots", "page", "bench", "cli"),
     "__main__",
 )
 #: Files of tests that the map of the house names.

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from vibroplat.continuation.orbit import orbit as orbit
     from vibroplat.continuation.study import orbits as orbits
     from vibroplat.designs.study import design as design
+    from vibroplat.fitting.study import fit as fit
     from vibroplat.motion.run import simulate as simulate
     from vibroplat.motion.variation import variation as variation
     from vibroplat.results.result import Result as Result

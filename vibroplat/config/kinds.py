@@ -97,6 +97,15 @@ KINDS = {
             "and the best design as best.yaml.",
             ("run", "sweep"),
         ),
+        Kind(
+            "fit",
+            "a fit",
+            "fit",
+            "fitting.study",
+            "Find the values of keys from measured data.",
+            "Writes tables of keys, curves and searches to OUT/NAME/fit, and the machine as best.yaml.",
+            ("run", "output"),
+        ),
     )
 }
 #: Figures of a run.

@@ -22,6 +22,7 @@ from vibroplat.config.computation import Output, Solver
 from vibroplat.config.consistency import given_by_exciters, require_consistent
 from vibroplat.config.coordinates import TURN, Mode
 from vibroplat.config.drive import Drive, SupplyInterval
+from vibroplat.config.fit_plan import FitPlan
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
 from vibroplat.config.schema import NAME, PERTURBATION, PLAIN_NAME, Section, described, explain
@@ -97,6 +98,7 @@ class Scene(Section):
     find: FindPlan | None = described(None, "", "what vibroplat find does")
     basins: BasinsPlan | None = described(None, "", "what vibroplat basins does")
     design: DesignPlan | None = described(None, "", "what vibroplat design does")
+    fit: FitPlan | None = described(None, "", "what vibroplat fit does")
 
     alternatives = (("motor", "motors"), ("motor", "exciters"), ("motors", "exciters"))
 

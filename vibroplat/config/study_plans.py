@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from vibroplat.columns import is_angle
 from vibroplat.config.circular import beyond, bound_scale, require_turn
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
+from vibroplat.config.fit_plan import FitPlan
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
 from vibroplat.config.schema import MAX_SIZE, MINUS, Fraction, Positive, Real, Section, did_you_mean
 from vibroplat.config.sections import PHASES
@@ -284,4 +285,5 @@ PLANS: dict[str, type[Section]] = {
     "find": FindPlan,
     "basins": BasinsPlan,
     "design": DesignPlan,
+    "fit": FitPlan,
 }

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from io import StringIO
 from typing import Any, Unpack
 
 import pandas as pd
-from ruamel.yaml import YAML
 
 from vibroplat.columns import Column, Columns, is_angle, name_regime, unit_of
 from vibroplat.config.circular import bound_meaning
@@ -37,7 +35,7 @@ from vibroplat.study.branches import study_table
 from vibroplat.study.fingerprint import lapack
 from vibroplat.study.pool import Pool, Task, run_tasks
 from vibroplat.study.store import Record, Store
-from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, run_study
+from vibroplat.study.study import CrossCheckCase, Options, Progress, Study, configuration_text, run_study
 from vibroplat.study.sweep import SWEEP
 
 _VARIED: Columns = {"…": Column("values of the keys that vary, under their dotted names", "see configuration.md")}
@@ -144,7 +142,7 @@ class DesignStudy(Study):
         notes = self.notes + ([] if row["same"] else [other])
         if not row["same"] and self.plan.parameter_tolerances and self.plan.samples:
             notes[-1] += ", so its tolerances were not sampled"
-        result = self._result(tables, Answer(lines, text, notes), {"best": _configuration_text(scene)})
+        result = self._result(tables, Answer(lines, text, notes), {"best": configuration_text(scene, "design")})
         if not (row["same"] and self.plan.parameter_tolerances):
             return result
         return self._with_samples(run, scene, run.one("settled there", of_keys.settle_on_orbit, scene), result)
@@ -260,17 +258,6 @@ def _stability(margin: float | None) -> str:
     """Say how far multipliers are inside the unit circle, or that the motion is no orbit."""
     known = "" if margin is None else decimal(1.0 - margin, max(DIGITS, places(margin, 1)))
     return f"multipliers up to {known}" if known else "by settled motions"
-
-
-def _configuration_text(scene: Scene) -> str:
-    """Return the YAML configuration of a scene without its section ``design``."""
-    tree = scene.to_tree() | {"name": f"{scene.name}-best"}
-    del tree["design"]
-    text = StringIO()
-    yaml = YAML(typ="safe", pure=True)
-    yaml.default_flow_style = False
-    yaml.dump(tree, text)
-    return text.getvalue()
 
 
 def _lines_of_samples(table: pd.DataFrame, home: str) -> dict[str, str]:

@@ -84,12 +84,12 @@ def on_curve(measured: Curve, computed: Curve) -> np.ndarray[Any, np.dtype[np.bo
     return np.asarray((x >= places[0]) & (x <= places[-1]) if len(places) else np.zeros(len(x), dtype=bool))
 
 
-def best_shift(measured: Curve, computed: Curve, *, offset: bool = False) -> Alignment:
+def best_shift(measured: Curve, computed: Curve, *, offset: bool = False, overlap: float = LEAST_OVERLAP) -> Alignment:
     """Find the shift in time (s) at which measured values differ least from a computed curve.
 
-    At least half of the shorter one lies on the other. Among equal errors, the smallest shift is taken. With ``offset``
-    a constant difference does not count. Where no shift makes the error small and one makes the correlation high, as
-    when units differ, that one is taken.
+    At least the part ``overlap`` of the shorter one lies on the other. Among equal errors, the smallest shift is taken.
+    With ``offset`` a constant difference does not count. Where no shift makes the error small and one makes the
+    correlation high, as when units differ, that one is taken.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def best_shift(measured: Curve, computed: Curve, *, offset: bool = False) -> Ali
         raise TableError("shift=fit needs values over time; allowed: shift=S in seconds")
     if not np.ptp(measured[1]) > 0.0 or not np.ptp(computed[1]) > 0.0:
         raise TableError("shift=fit finds nothing to correlate; allowed: shift=S in seconds")
-    curve, sums = interpolant(computed), _Sums.of(measured, computed)
+    curve, sums = interpolant(computed), _Sums.of(measured, computed, overlap)
 
     def error(shift: float) -> float:
         moved = measured[0] + shift, measured[1]
@@ -146,7 +146,7 @@ class _Sums(NamedTuple):
     mc: FloatArray
 
     @classmethod
-    def of(cls, measured: Curve, computed: Curve) -> _Sums:
+    def of(cls, measured: Curve, computed: Curve, overlap: float) -> _Sums:
         """Take the sums at all shifts at which enough of the curves lies on each other; raises TableError."""
         from scipy.signal import correlate  # noqa: PLC0415  (takes half a second, and few figures need it)
 
@@ -165,7 +165,7 @@ class _Sums(NamedTuple):
             return np.asarray(correlate(values, train, "full", "fft"), dtype=float)
 
         count = np.rint(over(one, there))
-        enough = count >= max(FEWEST, LEAST_OVERLAP * count.max())
+        enough = count >= max(FEWEST, overlap * count.max())
         pairs = ((square, there), (first, there), (one, curve), (second, there), (one, curve * curve), (first, curve))
         shifts = origin - t[0] + step * (np.arange(len(count)) - (len(one) - 1))
         return cls(shifts[enough], step, count[enough], *(over(*pair)[enough] for pair in pairs))

@@ -5,10 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
+from io import StringIO
 from typing import Annotated, Any, ClassVar, NamedTuple, TypedDict, Unpack, get_type_hints
 
 import numpy as np
 from pydantic import Field
+from ruamel.yaml import YAML
 
 from vibroplat.columns import Columns
 from vibroplat.config.arguments import instance_of, validated
@@ -109,6 +111,17 @@ class Study(ABC):
 def conditions(scene: Scene) -> dict[str, Any]:
     """Return what the records of a study depend on: code, engine and configuration."""
     return package() | {"engine": engine_name(scene), "configuration": scene.to_tree()}
+
+
+def configuration_text(scene: Scene, kind: str) -> str:
+    """Return the YAML configuration of the best scene that a study has found, without the section of its kind."""
+    tree = scene.to_tree() | {"name": f"{scene.name}-best"}
+    del tree[kind]
+    text = StringIO()
+    yaml = YAML(typ="safe", pure=True)
+    yaml.default_flow_style = False
+    yaml.dump(tree, text)
+    return text.getvalue()
 
 
 def note_computation(result: Result, notes: Sequence[str] = ()) -> None:

@@ -1,0 +1,1 @@
+"""What the machine really is: values of keys with which runs differ least from measured data."""
