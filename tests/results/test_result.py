@@ -13,6 +13,7 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.result import Answer
 
 CALIBRATED = Path(__file__).parents[2] / "configs/machines/calibrated.yaml"
+MEASURED = Path(__file__).parents[2] / "configs/examples/measured.csv"
 SUPPLY, RADIUS = "drive.supply_frequency_hz", "machine.unbalance_radius_m"
 BARE = {SUPPLY: 62.3, "material.mass_ratio": 0.0, "solver.engine": "taylor"}
 #: A small study of each kind: its section, and the figure that is drawn first.
@@ -22,6 +23,11 @@ PLANS = {
     "find": {"key": SUPPLY, "start": 62.0, "stop": 63.0, "scan": 2, "tolerance": 0.3},
     "basins": {"initial_conditions": {"run.initial.phase_difference_rad": [-3.0, 3.0]}, "random": 3},
     "design": {"keys": {RADIUS: [0.03, 0.04]}, "minimize": "motor_power_w", "starts": 1},
+    "fit": {
+        "data": [{"file": str(MEASURED), "columns": {"t": "Zeit", "y": "Weg_y*0.001"}}],
+        "keys": {RADIUS: [0.03, 0.1]},
+        "starts": 1,
+    },
 }
 
 

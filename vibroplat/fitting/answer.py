@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from vibroplat.columns import display_name, unit_of
@@ -30,9 +31,11 @@ def answer_of(plan: FitPlan, keys: Sequence[Row], searches: Sequence[Row], found
     """Return the answer from the rows of the table of keys, the searches, and what was found."""
     parts, short = found["parts"], [f"{row['key']}: {_value(row)}" for row in keys]
     for part in parts:
-        name, unit = f"{plan.data[part['file']].file}, {display_name(part['column'])}", unit_of(part["column"])
+        name = f"{Path(plan.data[part['file']].file).name}, {display_name(part['column'])}"
         change = f"differs by {percent(part['error'])}, before by {percent(part['error_before'])}"
-        rest = f"{quantity(part['remains'], unit)} remain, most at {quantity(part['remains_hz'], 'Hz')}"
+        rest = (
+            f"{quantity(part['remains'], unit_of(part['column']))} remain, most at {quantity(part['remains_hz'], 'Hz')}"
+        )
         short.append(f"{name}: {change}; {rest}")
     good = [one["cost"] for one in searches if not one["failed"]]
     same = sum(cost <= min(good) * (1.0 + SAME) + 1e-15 for cost in good)
@@ -41,8 +44,8 @@ def answer_of(plan: FitPlan, keys: Sequence[Row], searches: Sequence[Row], found
         "searches": f"{same} of {len(searches)} came to these values",
         "data": f"{found['samples']} samples, as good as {found['independent']:.0f} independent ones",
     }
-    shown = [f"{row['key'].rpartition('.')[2]} {_value(row)}" for row in keys if row["determined"]]
-    head = "; ".join(shown[:2]) or "the data determine none of the keys"
+    shown = [f"{display_name(row['key'].rpartition('.')[2])} {_value(row)}" for row in keys if row["determined"]]
+    head = "; ".join(one.partition(", was")[0] for one in shown[:2]) or "the data determine none of the keys"
     return Answer(lines, notes=[*_notes(keys, parts, same, len(searches))], headline=head, short=short)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from vibroplat.columns import display_name
 from vibroplat.frames import pd
@@ -28,12 +29,10 @@ def _pictures(result: Result) -> list[picture.Picture]:
         points = own[["t_s"]].assign(**{name: own["measured"]})
         left = own[["t_s"]].assign(remains=own["measured"] - own["computed"])
         whole = pd.concat([curve, points, left], ignore_index=True)
-        count, label = len(own), f"measured: {plain(file)}"
+        count, label = len(own), f"measured: {plain(Path(file).name)}"
         series = [
             picture.Series("computed", range(count), mode="lines", of=(name,)),
-            picture.Series(
-                f"measured: {plain(file)}", range(count, 2 * count), mode="dots", colour=picture.BLACK, of=(name,)
-            ),
+            picture.Series(label, range(count, 2 * count), mode="dots", colour=picture.BLACK, of=(name,)),
             picture.Series("", range(2 * count, 3 * count), mode="lines", colour=picture.REFERENCE, of=("remains",)),
         ]
         made.append(

@@ -22,9 +22,11 @@ from vibroplat.model.sensitivity import value_of
 from vibroplat.study.store import Record
 
 #: Parts of the data, one after the other, and most evaluations of each.
-PARTS, MOST_EVALUATIONS = (0.12, 0.35, 1.0), 40
+PARTS, MOST_EVALUATIONS = (0.12, 0.35, 1.0), 25
+#: Part of what is left up to which another shift is better.
+BETTER = 1.0 - 1e-6
 #: Relative changes of squares and unknowns that end a search over a part of the data, and over all of them.
-ROUGH, FINE = 1e-3, 1e-9
+ROUGH, FINE = 1e-3, 1e-8
 #: Distance from the ends of ranges at which searches begin, over these.
 INSIDE = 0.02
 #: Largest order of the process of what remains, and most rows of a curve in the result.
@@ -53,6 +55,7 @@ def search(scene: Scene, plan: FitPlan, places: list[float]) -> Record:
         u = misfit.begin(np.array(places))
         for until in PARTS:
             u, cost = _least(misfit, u, weights, until)
+        u, cost = _other_turns(misfit, u, weights, cost)
     except ArithmeticError as error:
         return {"failed": str(error), "cost": None, "u": None, "simulations": misfit.simulations}
     return {"failed": "", "cost": cost, "u": u.tolist(), "simulations": misfit.simulations}
@@ -80,6 +83,23 @@ def _least(misfit: Misfit, u: FloatArray, weights: FloatArray, until: float) -> 
         max_nfev=MOST_EVALUATIONS,
     )
     return np.asarray(found.x), 2.0 * float(found.cost) / len(found.fun)
+
+
+def _other_turns(misfit: Misfit, u: FloatArray, weights: FloatArray, cost: float) -> tuple[FloatArray, float]:
+    """Shift files by whole oscillations as long as less is left: other keys may make up for a wrong one."""
+    count, (least, most) = len(misfit.keys), misfit.shift_bounds()
+    for number in range(len(least)):
+        part = max((p for p in misfit.parts if p.file == number), key=lambda p: len(p.times))
+        frequency = main_frequency((part.times, part.values))
+        for turn in (1.0 / frequency, -1.0 / frequency):
+            better = True
+            while better and least[number] < u[count + number] + turn < most[number]:
+                moved = u.copy()
+                moved[count + number] += turn
+                moved, other = _least(misfit, moved, weights, 1.0)
+                better = other < BETTER * cost
+                u, cost = (moved, other) if better else (u, cost)
+    return u, cost
 
 
 def refine(scene: Scene, plan: FitPlan, start: list[float], before: list[float]) -> Record:
