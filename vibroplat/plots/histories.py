@@ -131,8 +131,8 @@ class RunTables:
         Times are compared with multiples of the step, which is as exact late in a run as at its beginning.
         """
         places = self.shown["t_s"] * self.sample_rate
-        whole = places.round()[(places - places.round()).abs() < OFF_GRID].drop_duplicates(keep="last")
-        grid = self.shown.loc[whole.index]
+        away = (places - places.round()).abs()
+        grid = self.shown.loc[away[away < OFF_GRID].groupby(places.round()).idxmin()]
         turns = math.floor(self.turns * (1.0 + 1e-9))
         count = round(turns / self.turns * float(np.ptp(self.shown["t_s"])) * self.sample_rate) if turns else len(grid)
         return grid.tail(count)
