@@ -72,9 +72,16 @@ def chirp(t):
     return np.sin(20.0 * t + 40.0 * t * t)
 
 
-@pytest.mark.parametrize(("begin", "end", "rate"), [(0.4, 1.1, 800.0), (-1.0, 4.0, 3000.0)], ids=["shorter", "longer"])
+@pytest.mark.parametrize(
+    ("begin", "end", "rate"),
+    [(0.4, 1.1, 800.0), (-1.0, 4.0, 3000.0), (0.3, 1.7, 25.0), (-1.0, 4.0, 20.0)],
+    ids=["shorter", "longer", "slower", "longer and slower"],
+)
 def test_the_shift_in_time_is_found_by_correlation(begin, end, rate):
-    """To a part of a sample, whichever is longer, and whatever the clock of the data says and their scale is."""
+    """To a part of a sample, whichever is longer, and whatever the clock of the data says and their scale is.
+
+    Also where the data have less than two samples of an oscillation.
+    """
     t = np.arange(begin, end, 1.0 / rate)
     measured = t + 77.0003, 3.0 + 0.1 * chirp(t)
     assert best_shift(measured, (TIMES, chirp(TIMES)))[0] == pytest.approx(-77.0003, abs=2e-5)
@@ -136,6 +143,14 @@ def test_names_lose_blanks_at_their_ends_and_may_hold_semicolons(tmp_path):
     assert found.table["y_m"].tolist() == [1.5, 2.5]
     (tmp_path / "semicolon.csv").write_text("time (s; from start),y (m)\n0,1.5\n1,2.5\n")
     assert [*read_data(tmp_path / "semicolon.csv").given] == ["time (s; from start)", "y (m)"]
+
+
+def test_samples_that_share_their_times_are_told(tmp_path, caplog):
+    """As of an accelerometer that sends them in packets with one time stamp; an event has two rows of a trajectory."""
+    for name, times in (("rig", "0011223344"), ("event", "0112345678")):
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t;y", *(f"{time};1" for time in times)]))
+        read_data(f"{tmp_path}/{name}.csv:t=t,y=y")
+    assert caplog.messages == [f"--data {tmp_path}/rig.csv: 5 of 10 rows have the time of the row before them"]
 
 
 def test_what_is_not_compared_is_told(tmp_path):

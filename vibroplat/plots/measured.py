@@ -14,7 +14,7 @@ import logging
 import re
 import stat
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -46,6 +46,8 @@ MAX_BYTES = 2**26
 MOST_SAMPLES = 2**24
 #: Most measured points that are drawn large.
 MOST_LARGE = 100
+#: Fraction of rows with the time of the row before them above which that is told.
+MANY_SAME = 0.25
 #: Short names of columns; ``ax`` and ``ay`` are accelerations, ``ay_inlet`` is that of the point ``inlet``.
 SHORT = {"t": "t_s", "x": "x_m", "y": "y_m", "phi": "phi_rad", "gap": "gap_m"}
 _ACCELERATION = re.compile(r"a([xy])(_\w+)?")
@@ -202,8 +204,8 @@ def relative_error(measured: Curve, computed: Curve) -> float | None:
 def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
     """Find the shift in time (s) at which a measured curve differs least from a computed one.
 
-    Both are sampled at the median interval of the computed samples. The shorter one slides along the longer one, and
-    the correlation coefficient is computed where they overlap. Its maxima are refined by a parabola through three
+    The shorter one slides along the longer one in steps of the median interval of the computed samples, and the
+    correlation coefficient of the measured samples with the curve is computed where they overlap. Its maxima are refined by a parabola through three
     samples. Among those that are nearly the highest, the shift with the smallest error is chosen; among equal errors,
     the smallest shift. It is refined to the best correlation with the interpolated curve, in units of :data:`TICK`.
 
@@ -223,8 +225,9 @@ def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
     equal = np.square(errors) <= np.square(errors.min()) + NEGLIGIBLE**2
     shift = float(shifts[equal][np.abs(shifts[equal]).argmin()])
     alike = shifts[equal | [percent(error) == percent(errors.min()) for error in errors.tolist()]]
-    times, values = measured
-    if np.ptp(values) > 0.0:
+    inside = (measured[0] + shift >= computed[0][0]) & (measured[0] + shift <= computed[0][-1])
+    times, values = (of[inside] for of in measured)
+    if len(values) > 1 and np.ptp(values) > 0.0:
 
         def unlike(at: float) -> float:
             return -float(np.corrcoef(np.interp(times + at, *computed), values)[0, 1])
@@ -265,19 +268,41 @@ def _correlation(measured: Curve, computed: Curve) -> tuple[FloatArray, FloatArr
     step, span = float(np.median(np.diff(np.unique(computed[0])))), float(np.ptp(measured[0]))
     if span > MOST_SAMPLES * step:
         raise TableError(f"--data: times span {span:g} s; allowed with shift=fit: seconds, as by t=NAME*0.001")
-    grids = [np.arange(times[0], times[-1] + 1e-9 * step, step) for times, _ in (measured, computed)]
-    sampled = [np.interp(grid, *curve) for grid, curve in zip(grids, (measured, computed), strict=True)]
-    longer_is_measured = len(grids[0]) > len(grids[1])
-    (first, one), (second, other) = sorted(zip(grids, sampled, strict=True), key=lambda of: len(of[0]))
-    start, count, one, other = second[0] - first[0], len(one), one - one.mean(), other - other.mean()
-    products = correlate(other, one, "valid", "fft")
-    sums, squares = (np.concatenate([[0.0], np.cumsum(values)]) for values in (other, other * other))
-    spread = (squares[count:] - squares[:-count]) - (sums[count:] - sums[:-count]) ** 2 / count
-    scale = np.sqrt(np.maximum(spread, 1e-12 * squares[-1]) * float(one @ one))
-    total = np.divide(products, scale, out=np.zeros_like(scale), where=scale > 0.0)
+    grid = np.arange(computed[0][0], computed[0][-1] + 1e-9 * step, step)
+    curve, values = np.interp(grid, *computed), measured[1] - measured[1].mean()
+    curve -= curve.mean()
+    counts, sums, squares = _on_grid((measured[0] - measured[0][0]) / step, np.ones(len(values)), values, values**2)
+    longer_is_measured = len(counts) > len(grid)
+
+    def along(one: FloatArray, other: FloatArray) -> FloatArray:
+        pair = (one, other) if longer_is_measured else (other, one)
+        return np.asarray(correlate(*pair, "valid", "fft"))
+
+    ones = np.ones(len(grid))
+    count, of_values, of_curve = along(counts, ones), along(sums, ones), along(counts, curve)
+    enough = count > 0.5 * count.max()
+    shares = np.divide(1.0, count, out=np.zeros_like(count), where=enough)
+    spread = along(squares, ones) - shares * of_values**2, along(counts, curve**2) - shares * of_curve**2
+    least = 1e-12 * float(values @ values), 1e-12 * len(values) * float(np.max(curve**2))
+    scale = np.sqrt(np.maximum(spread[0], least[0]) * np.maximum(spread[1], least[1]))
+    products = along(sums, curve) - shares * of_values * of_curve
+    total = np.divide(products, scale, out=np.zeros_like(scale), where=enough & (scale > 0.0))
     if not np.any(total):
         raise TableError("--data: shift=fit finds nothing to correlate; allowed: shift=S in seconds")
-    return (start + step * np.arange(len(total))) * (-1.0 if longer_is_measured else 1.0), total
+    shifts = step * np.arange(len(total)) * (-1.0 if longer_is_measured else 1.0)
+    return grid[0] - measured[0][0] + shifts, total
+
+
+def _on_grid(places: FloatArray, *columns: FloatArray) -> Iterator[FloatArray]:
+    """Yield columns of measured samples on a grid: each value is split between the two places around its own.
+
+    Their sum with a curve on the grid is that with the curve interpolated at the samples, however few they are.
+    """
+    before = places.astype(int)
+    after, count = places - before, int(before.max()) + 2
+    for column in columns:
+        left, right = (1.0 - after) * column, after * column
+        yield np.asarray(np.bincount(before, left, count) + np.bincount(before + 1, right, count), dtype=float)
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
@@ -307,7 +332,12 @@ def read_data(given: str | Path) -> Measured:
     except Exception as error:  # pandas raises many kinds on damaged files
         raise TableError(f"--data {path} cannot be read: {' '.join(str(error).split())}") from None
     table.columns = table.columns.map(lambda name: str(name).strip())
-    return _mapped(path, mapping, table) if mapping else Measured(path, table)
+    data = _mapped(path, mapping, table) if mapping else Measured(path, table)
+    times = data.given.get("t_s", pd.Series())
+    same = int((times == times.shift()).sum())
+    if same > MANY_SAME * len(times):
+        _LOG.warning("--data %s: %d of %d rows have the time of the row before them", data, same, len(times))
+    return data
 
 
 def _mapped(path: Path, mapping: str, table: pd.DataFrame) -> Measured:
