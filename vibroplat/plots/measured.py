@@ -205,9 +205,10 @@ def best_shift(measured: Curve, computed: Curve) -> tuple[float, FloatArray]:
     """Find the shift in time (s) at which a measured curve differs least from a computed one.
 
     The shorter one slides along the longer one in steps of the median interval of the computed samples, and the
-    correlation coefficient of the measured samples with the curve is computed where they overlap. Its maxima are refined by a parabola through three
-    samples. Among those that are nearly the highest, the shift with the smallest error is chosen; among equal errors,
-    the smallest shift. It is refined to the best correlation with the interpolated curve, in units of :data:`TICK`.
+    correlation coefficient of the measured samples with the curve is computed where they overlap. Its maxima are
+    refined by a parabola through three samples. Among those that are nearly the highest, the shift with the smallest
+    error is chosen; among equal errors, the smallest shift. It is refined to the best correlation with the interpolated
+    curve, in units of :data:`TICK`.
 
     Returns
     -------
