@@ -10,6 +10,7 @@ from vibroplat.config.circular import degrees_text
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
+from vibroplat.observe.section import LATEST_DISTANCE, few_turns
 from vibroplat.report.notes import slow_motors
 from vibroplat.report.summary import COHERENCE, INACCURATE, synchronization
 from vibroplat.results.answer import are_alike, of_both
@@ -116,9 +117,11 @@ def kind_of_motion(measures: Mapping[str, Any], period: int, transient: float | 
     """Name the kind of a motion in the measured part; ``transient`` is that part of its stroke, None if not steady."""
     if not measures["measured_turns"]:
         return ""
-    if transient is None or transient > SETTLED:
+    if transient is None or transient > (SETTLED if period else LATEST_DISTANCE):
         return "undecided"
-    return "periodic" if period else "non-periodic"
+    if period:
+        return "periodic"
+    return "undecided" if few_turns(measures["measured_turns"]) else "non-periodic"
 
 
 def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -135,8 +138,15 @@ def _period(summary: Mapping[str, Any]) -> str:
     if change > SETTLED:
         return f"; {percent(change)} of the stroke may decay"
     if turns == 0:
-        return "; does not repeat yet"
+        return f"; {repetition_text(summary) or 'does not repeat yet'}"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
+
+
+def repetition_text(summary: Mapping[str, Any]) -> str:
+    """Say why it is undecided whether the motion of a run repeats; "" where it is decided or nothing was measured."""
+    turns = summary["measured_turns"]
+    few = few_turns(turns) if turns and summary["period"] == 0 else ""
+    return f"undecided: {few}" if few else ""
 
 
 def speeds_of_both(summary: Mapping[str, Any]) -> list[float] | None:

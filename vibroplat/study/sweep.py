@@ -401,6 +401,7 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
         several = len(undecided) > 1
+        longer = "measure_s" if "turns measured" in row["detail"] else "max_settle_s"
         which = f"{len(undecided)} points are undecided, the first" if several else "1 point is undecided,"
-        lines.append(f"{which} at {place_words(key, row[key])}: {row['detail']}; sweep.max_settle_s may help")
+        lines.append(f"{which} at {place_words(key, row[key])}: {row['detail']}; sweep.{longer} may help")
     return lines
