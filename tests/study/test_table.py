@@ -392,10 +392,10 @@ def test_undecided_points_are_told_with_the_first_reason():
 
 
 def test_chaotic_points_say_that_other_attractors_were_not_looked_for():
-    chaotic = noted("", "", "").assign(motion=["periodic", *["chaotic"] * 2])
+    chaotic = noted("", "", "").assign(motion=["periodic", *["chaotic"] * 2], simulated_s=[1.0, 198.0, 52.0])
     assert notes_on_points(chaotic) == [
         "hint: 2 chaotic points: other attractors were not looked for: basins; chaos that ends only after "
-        "sweep.measure_s looks alike"
+        "the 52.0 s for which they were followed looks alike"
     ]
 
 

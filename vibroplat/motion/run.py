@@ -42,6 +42,7 @@ from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
 from vibroplat.report.data_sheet import SHEET, WHOLE, columns, whole_run
 from vibroplat.report.notes import (
+    MIN_STROKE,
     change,
     drift,
     free_swing,
@@ -60,8 +61,6 @@ from vibroplat.results.tables import TableFile
 
 #: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
-#: Strokes (m) that are round-off.
-MIN_STROKE = 1e-9
 #: Measured turns from which a motion has shown itself whether it stays; distance (rad) of its phase difference from one
 #: that the mean torques hold.
 MANY_TURNS, OTHER_PHASE = 2000, 1.0

@@ -32,6 +32,7 @@ from vibroplat.plots.axes import FloatArray
 from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of, turn_edges, with_forces
 from vibroplat.results.answer import counted
 from vibroplat.results.run import RunResult
+from vibroplat.results.run_answer import rests
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -43,6 +44,8 @@ BINS = 400
 #: repeat within them; and the minimum number of samples, which may need more turns.
 LAST_TURNS, SHOWN_TURNS, FEWEST = 3, 10, 10
 
+#: Decimals, in SI units, that are shown of lengths and other quantities of a machine that comes to rest.
+LENGTHS, OTHERS = 9, 7
 #: Distance of a time from the output grid that is round-off, over its step.
 OFF_GRID = 1e-3
 
@@ -216,6 +219,8 @@ def run_of(
         _with_more(part, scene, senses).assign(y_m=part["y_m"] + (sag or 0.0))
         for part in result.column_parts("trajectory", ("mode",), ("t_s", "y_m", *_ANGLES, *RATES), optional)
     )
+    if scene is not None and rests(scene, summary):
+        parts = (part.round({c: LENGTHS if str(c).endswith("_m") else OTHERS for c in part}) for part in parts)
     columns = (*COORDINATES, *FORCES, *SPEEDS, FURTHER, *POWERS)
     edges = turn_edges(ends.evenly, begin, end, BINS)
     curves = Cut(parts, (detail, end), edges, columns, every=math.ceil(ends.rows / POINTS))

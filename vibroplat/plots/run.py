@@ -235,6 +235,8 @@ def missing(kind: str, shown: RunPicture) -> str:
     if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
         return "has no accelerations; simulate it with --set output.accelerations=true"
     for run in shown.runs if kind == "spectrum" else ():
+        if not run.shown.filter(like="acceleration_").any(axis=None):
+            return "has no spectrum, as its machine rests in the interval shown"
         if run.too_coarse:
             return (
                 f"has too few samples for a spectrum ({run.too_coarse} of run {run.name} are shown; needed: more than "

@@ -394,9 +394,10 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
         )
     chaotic = int((table["motion"] == "chaotic").sum())
     if chaotic:
+        least = float(table.loc[table["motion"] == "chaotic", "simulated_s"].min())
         lines.append(
             f"{HINT}{counted(chaotic, 'chaotic point')}: other attractors were not looked for: basins; chaos that ends "
-            "only after sweep.measure_s looks alike"
+            f"only after the {quantity(least, 's')} for which they were followed looks alike"
         )
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
