@@ -7,16 +7,17 @@ import pandas as pd
 import pytest
 from common.places import ROOT
 
-from vibroplat import load_config
+from vibroplat import load_config, simulate
 from vibroplat.cli.common import print_answer
 from vibroplat.columns import name_regime
 from vibroplat.config.digits import quantity, spread
 from vibroplat.config.engine_choice import engine_note
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.plausibility import HINT, WARNING, by_severity
+from vibroplat.errors import TableError
 from vibroplat.plots.command import FIGURE_NAMES
 from vibroplat.results.answer import MAX_LINES, Answer, first_failures, of_both, short_line
-from vibroplat.results.run_answer import headline
+from vibroplat.results.run_answer import headline, kind_of_motion, repetition_text
 from vibroplat.results.sheet import FURTHER, POINTS, Sheet, all_lines, short_lines
 from vibroplat.study.sweep import notes_on_points
 
@@ -286,6 +287,35 @@ def test_a_summary_has_what_the_first_line_says(runs):
     assert (summary["motion"] == "periodic") == ("; repeats every " in line)
     assert summary["regime"] == f"{summary['sync']}, {summary['motion']}"
     assert name_regime(summary | {"motion": "periodic", "period": 2}) == f"{summary['sync']}, period 2"
+
+
+def test_few_turns_are_told_wherever_a_period_would_be(runs):
+    """They do not show that a motion is aperiodic; a transient may not repeat either."""
+    run = runs["two layers"]
+    summary = run.summary | {"period": 0, "measured_turns": 30, "stroke_change": 0.0}
+    told = "undecided: 30 turns measured, at least 31 are needed"
+    assert headline(run.scene, summary).endswith(f"; {told}")
+    rows = {row.label: row.now for row in Sheet(run.scene, summary).groups["Synchronization"]}
+    assert rows["motion repeats"] == told
+    assert headline(run.scene, summary | {"measured_turns": 31}).endswith("; does not repeat yet")
+    kinds = [kind_of_motion({"measured_turns": turns}, 0, left) for turns, left in ((30, 0.0), (31, 0.0), (31, 0.01))]
+    assert kinds == ["undecided", "non-periodic", "undecided"]
+    assert run.summary["detail"] == repetition_text(run.summary)
+
+
+def test_a_machine_at_rest_rests_and_shows_no_round_off(kernels):
+    """Its motors are off from the beginning, and its unbalances hang."""
+    off = {"drive.program": [{"t_s": 0.0, "supply_frequency_hz": 50.0, "off": True}], "output.accelerations": True}
+    at_rest = {"run.initial": {"speed_ratio": 0.0}, "run.duration_s": 0.25, "material.mass_ratio": 0.2}
+    run = simulate(load_config(ROOT / "configs/machines/calibrated.yaml", {**off, **at_rest, "name": "still"}))
+    sheet = Sheet(run.scene, run.summary)
+    assert headline(run.scene, run.summary) == "still: the machine rests, motors off"
+    assert sheet.transient == ""
+    moved = [label for label, text in all_lines(sheet, None).items() if "·10" in text or "e-" in text]
+    assert moved == []
+    assert not any("next to nothing moves" in note for note in run.answer.notes)
+    with pytest.raises(TableError, match="has no spectrum, as its machine rests"):
+        run.plot("spectrum")
 
 
 def test_times_count_from_when_motors_were_switched(runs):

@@ -1,6 +1,7 @@
 """Figures of accelerations: spectra, and what is drawn of which run."""
 
 import itertools
+import re
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
-from vibroplat.plots.histories import RunTables, spectrum_of
+from vibroplat.plots.histories import RunTables, peaks_of, spectrum_of
 from vibroplat.results.tables import read_table
 
 from .conftest import drawn
@@ -26,8 +27,12 @@ def run_of_rows(t, scene):
 
 @pytest.mark.parametrize(("begin", "scene"), [(0, None), (0, Scene()), (20_000_000, Scene())])
 def test_a_spectrum_has_the_amplitude_of_what_repeats_within_whole_turns(begin, scene):
-    """Also where rows begin within a turn, events have added some, two at a time, and round-off of late times shows."""
-    run = run_of_rows(np.sort([*(np.arange(begin, begin + 862) / 2000.0), *[begin / 2000.0 + 0.21013] * 2]), scene)
+    """Also where rows begin within a turn, events have added some, two at a time, and round-off of late times shows.
+
+    One event is so near a time of the grid that its rows count as of this time.
+    """
+    events = np.repeat([begin / 2000.0 + 0.21013, begin / 2000.0 + 0.22 + 2e-7], 2)
+    run = run_of_rows(np.sort([*(np.arange(begin, begin + 862) / 2000.0), *events]), scene)
     frequencies, sizes = spectrum_of(run, "a")
     assert frequencies[1] == pytest.approx(2.5)
     assert sizes[[10, 30]] == pytest.approx([3.0, 0.2], rel=1e-9)
@@ -44,6 +49,17 @@ def test_few_samples_give_no_spectrum(rate, seconds, lacking):
     assert run_of_rows(np.arange(0.0, seconds + 0.5 / rate, 1.0 / rate), scene).too_coarse == lacking
 
 
+@pytest.mark.parametrize(("rate", "orders"), [(77.0, 1), (110.0, 1), (160.0, 1), (333.0, 3), (2000.0, 3)])
+def test_lines_that_may_be_folded_have_no_name(rate, orders):
+    """Impacts at 25 Hz, orders of which decay slowly: each line that is named is one of these and has its amplitude."""
+    run = run_of_rows(np.arange(0.0, 2.0, 1.0 / rate), Scene().replace({"output.sample_rate_hz": rate}))
+    angle, known = run.shown["phi1_rad"], {1: 9.0, **{n: 3.0 / n for n in range(2, 60)}}
+    run.shown["a"] = sum(size * np.cos(n * angle + n * n) for n, size in known.items())
+    named = re.findall(r"([\d.]+) m/s² at ([\d.]+) Hz", peaks_of(*spectrum_of(run, "a"), run.speed))
+    found = {round(float(at) / 25.0, 1): float(size) for size, at in named}
+    assert found == pytest.approx({n: known[n] for n in range(1, orders + 1)}, rel=0.1)
+
+
 def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     figures = drawn("run", moved)
     assert {"acceleration", "spectrum"} <= {*figures}
@@ -51,6 +67,7 @@ def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     vertical, *_ = figures["acceleration"].axes
     table = read_table(moved, "trajectory")
     assert vertical.lines[0].get_ydata()[-1] == table["acceleration_y_m_per_s2"].iloc[-1]
+    assert "folds back, lines up to" in figures["spectrum"].axes[0].get_title(loc="left")
     FigureCanvasAgg(figures["spectrum"]).draw()
     orders = [text.get_window_extent() for text in figures["spectrum"].axes[0].texts]
     assert len(orders) > 3

@@ -122,7 +122,8 @@ MOVING = (
     section(torus()[:, 1] * (np.arange(400) >= 200)),
 )
 OPEN_SIGN = MotionClass("undecided", 0, OPEN, "exponent 0.5 ± 0.4 per s, sign unclear", True)
-DRIFTS = MotionClass("undecided", 0, NONE, "exponent 0.0001 ± 0.002 per s, the section still drifts", True)
+OF_NONE, FEW = "exponent 0.0001 ± 0.002 per s, ", "30 turns measured, at least 31 are needed"
+DRIFTS = MotionClass("undecided", 0, NONE, f"{OF_NONE}the section still drifts", True)
 TOO_FEW = MotionClass("undecided", None, None, "exciter 1 made fewer than two full turns while measured")
 NO_PERIOD = MotionClass("undecided", 0, NEGATIVE, "exponent -2 ± 0.3 per s, no period found up to 64", True)
 PERIOD_1_OR_6 = MotionClass("periodic", 1, note="period 1, or 6 within 1e-04 of scaled units")
@@ -198,6 +199,12 @@ KINDS = {
         (repeating(64, 400), MAXIMUM, NEGATIVE, LAST, periodic(64, NEGATIVE)),
         (repeating(19, 400), MAXIMUM, OPEN, {}, periodic(19, OPEN)),
     ],
+    "too few turns to be aperiodic": [
+        (noise(31), MAXIMUM, None, NO_EXPONENTS, MotionClass("undecided", 0, None, FEW, True)),
+        (noise(32), MAXIMUM, None, NO_EXPONENTS, MotionClass("non-periodic", 0)),
+        (torus(31), MAXIMUM, NONE, {}, MotionClass("undecided", 0, NONE, f"{OF_NONE}{FEW}", True)),
+        (noise(31), MAXIMUM, NEGATIVE, LAST, NO_PERIOD._replace(reason=NO_PERIOD.reason.replace("64", "15"))),
+    ],
     "fewer than two turns": [
         (repeating(1, turns), how, None, {}, TOO_FEW) for turns, how in ((0, MAXIMUM), (1, settled(1)))
     ],
@@ -213,6 +220,9 @@ def test_kind_of_a_section(name, kind_of):
 def test_a_run_tells_periods_as_a_sweep_does():
     for points, turns in ((repeating(1), 1), (repeating(6), 6), (converging(), 6), (noise(), 0)):
         assert latest_repetition(points) == (turns, 0, 0.0)
+    for turns, points in ((1, 4), (2, 4), (3, 6), (8, 17), (16, 32)):
+        assert latest_repetition(repeating(turns, points)).turns == turns
+        assert latest_repetition(repeating(turns, 2 * turns - 1)).turns == 0
     found = latest_repetition(hardly_doubled())
     assert (found.turns, found.note) == (1, PERIOD_1_OR_6.note)
 
@@ -226,11 +236,12 @@ NOT_SETTLED = MotionClass("undecided", 0, None, "not settled: the Poincaré sect
         (repeating(24, 400), False, periodic(24)),
         (torus(), False, MotionClass("non-periodic", 0)),
         (noise(), False, MotionClass("non-periodic", 0)),
+        (noise(31), False, MotionClass("undecided", 0, None, FEW, True)),
         (section(np.linspace(0.0, 1.2e-2, 400)), False, None),  # exciters that synchronize slowly
         (section(np.linspace(0.0, 1.2e-2, 400)), True, NOT_SETTLED),
         (section(0.5 * np.exp(-np.arange(400) / 300.0)), True, NOT_SETTLED),
     ],
-    ids=["24 turns", "closed curve", "chaos", "drift", "drift, last", "converges"],
+    ids=["24 turns", "closed curve", "chaos", "few turns", "drift", "drift, last", "converges"],
 )
 def test_kind_of_a_section_with_transport(points, last, expected):
     """There are no exponents: long periods are tried, and a drift is no motion of its own."""

@@ -384,16 +384,18 @@ def test_undecided_points_are_told_with_the_first_reason():
     table = noted("", "", "").assign(motion=["periodic", *["undecided"] * 2], detail=["", "sign unclear", "drifts"])
     told = "2 points are undecided, the first at a supply of 61 Hz: sign unclear; sweep.max_settle_s may help"
     assert notes_on_points(table) == [told]
+    few = table.assign(detail=["", "4 turns measured, at least 31 are needed", "drifts"])
+    assert notes_on_points(few)[0].endswith("4 turns measured, at least 31 are needed; sweep.measure_s may help")
     one = "1 point is undecided, at a supply of 62 Hz: drifts; sweep.max_settle_s may help"
     assert notes_on_points(table[table["detail"] != "sign unclear"]) == [one]
     assert notes_on_points(table[:1]) == []
 
 
 def test_chaotic_points_say_that_other_attractors_were_not_looked_for():
-    chaotic = noted("", "", "").assign(motion=["periodic", *["chaotic"] * 2])
+    chaotic = noted("", "", "").assign(motion=["periodic", *["chaotic"] * 2], simulated_s=[1.0, 198.0, 52.0])
     assert notes_on_points(chaotic) == [
         "hint: 2 chaotic points: other attractors were not looked for: basins; chaos that ends only after "
-        "sweep.measure_s looks alike"
+        "the 52.0 s for which they were followed looks alike"
     ]
 
 

@@ -42,6 +42,7 @@ from vibroplat.observe.tables import named_derivative, require_room
 from vibroplat.observe.variation import Variation
 from vibroplat.report.data_sheet import SHEET, WHOLE, columns, whole_run
 from vibroplat.report.notes import (
+    MIN_STROKE,
     change,
     drift,
     free_swing,
@@ -55,13 +56,11 @@ from vibroplat.report.summary import INACCURATE, MEASURES, MeasuredInterval, ina
 from vibroplat.report.synchronization import stays_synchronized
 from vibroplat.report.transients import Transient, transients
 from vibroplat.results.run import RunResult
-from vibroplat.results.run_answer import SETTLED, kind_of_motion
+from vibroplat.results.run_answer import SETTLED, kind_of_motion, repetition_text
 from vibroplat.results.tables import TableFile
 
 #: The measured part is what follows this fraction of the duration, cut to whole turns of exciter 1.
 SETTLE_FRACTION = 0.5
-#: Strokes (m) that are round-off.
-MIN_STROKE = 1e-9
 #: Measured turns from which a motion has shown itself whether it stays; distance (rad) of its phase difference from one
 #: that the mean torques hold.
 MANY_TURNS, OTHER_PHASE = 2000, 1.0
@@ -70,7 +69,7 @@ MANY_TURNS, OTHER_PHASE = 2000, 1.0
 SUMMARY: Columns = {
     "name": Column("name of the scene", kind=TEXT),
     "outcome": Column("ok, or the reason why the run ended early or is inaccurate", kind=TEXT),
-    "detail": Column("time, place and cause, unless the outcome is ok", kind=TEXT),
+    "detail": Column("time, place and cause, unless the outcome is ok; or why a period is undecided", kind=TEXT),
     "begins_s": Column("time at which the run begins"),
     "simulated_s": Column("simulated time"),
     "relative_rotation": Column("counter-rotating or co-rotating exciters", kind=TEXT),
@@ -83,13 +82,15 @@ SUMMARY: Columns = {
     ),
     "motion": Column(
         "kind of motion",
-        "periodic; non-periodic: no period is found; undecided: a transient is left; empty without whole turns",
+        "periodic; non-periodic: no period is found; undecided: a transient is left, or too few turns show no period; "
+        "empty without whole turns",
         kind=TEXT,
     ),
     "regime": Column("synchronization and kind of motion", "as of the samples of a design", kind=TEXT),
     "period": Column(
         "period of the motion, in turns of exciter 1",
-        f"0: none up to {MAX_PERIOD}, or not settled; near a doubling a note has both; means are over whole periods",
+        f"0: none up to {MAX_PERIOD}, not settled, or too few turns to tell; near a doubling a note has both; means "
+        "are over whole periods",
         kind=COUNT,
     ),
     "stroke_change": Column(
@@ -265,7 +266,7 @@ def _summary(
         {
             "name": scene.name,
             "outcome": INACCURATE if doubt else motion.outcome,
-            "detail": doubt or motion.detail,
+            "detail": doubt or motion.detail or repetition_text({**measures, "period": repetition.turns}),
             "begins_s": start,
             "simulated_s": seconds,
             "relative_rotation": scene.rotation,

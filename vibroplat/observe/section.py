@@ -26,6 +26,8 @@ REPEAT_DISTANCE = 1e-2
 #: is told beside a shorter one if its distance is smaller by DISTANCE_RATIO: the rest of a slow oscillation may repeat
 #: after some turns, but its distances differ by less.
 LATEST_DISTANCE, EQUAL_DISTANCE, DISTANCE_RATIO = 1e-3, 1e-5, 30.0
+#: Fewest points that may show that a run repeats, and fewest turns that show that a motion has no period to MAX_PERIOD.
+MIN_POINTS, MIN_TURNS = 4, 2 * MAX_PERIOD - 1
 
 
 @compiled
@@ -171,12 +173,19 @@ def period(points: FloatArray, tolerance: float, first: int = 1, last: int = MAX
     return next((turns for turns in range(first, last + 1) if spread(points, turns, tolerance) <= tolerance), 0)
 
 
+def few_turns(turns: int) -> str:
+    """Say that a motion without a period was measured in too few turns to be aperiodic; "" if they are enough."""
+    many = f"{turns} turn{'s' * (turns != 1)} measured"
+    return "" if turns >= MIN_TURNS else f"{many}, at least {MIN_TURNS} are needed"
+
+
 def latest_distances(points: FloatArray, longest: int = MAX_PERIOD) -> FloatArray:
     """Largest distance of the last points from those 1, 2, … turns earlier, shape (longest,); shorter with few points.
 
-    There are as many last points as the longest number of turns.
+    There are as many last points as the longest number of turns, and at most half of all.
     """
-    turns = np.arange(1, min(longest, len(points) - longest) + 1)[:, np.newaxis]
+    longest = min(longest, len(points) // 2)
+    turns = np.arange(1, longest + 1)[:, np.newaxis]
     last = np.arange(len(points) - longest, len(points))
     return np.abs(points[last] - points[last - turns]).max(axis=(1, 2)) if turns.size else np.empty(0)
 
@@ -218,8 +227,6 @@ def least_period(points: FloatArray, turns: int, tolerance: float) -> Repetition
     far from its last points at first in both cases, chance decides. The last points repeat as well after the period.
     """
     apart = latest_distances(points, max(turns, MAX_PERIOD))
-    if len(apart) < turns:
-        return Repetition(turns)
     alike = is_equal(apart, apart[turns - 1]) & (apart <= tolerance)
     least = next(n for n in range(1, turns + 1) if turns % n == 0 and (alike[n - 1] or n == turns))
     finer = int(np.argmax(is_equal(apart, apart.min()))) + 1
@@ -231,6 +238,6 @@ def least_period(points: FloatArray, turns: int, tolerance: float) -> Repetition
 def latest_repetition(points: FloatArray) -> Repetition:
     """Return how the last points of a section repeat; 0 turns where they do not within LATEST_DISTANCE."""
     apart = latest_distances(points)
-    if not apart.size or apart.min() > LATEST_DISTANCE:
+    if len(points) < MIN_POINTS or apart.min() > LATEST_DISTANCE:
         return Repetition(0)
     return least_period(points, int(np.argmax(apart <= REPEAT_DISTANCE)) + 1, REPEAT_DISTANCE)

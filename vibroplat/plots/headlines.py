@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from vibroplat.plots.histories import RunTables
 from vibroplat.results.labels import capital, plain
 from vibroplat.results.run_answer import headline as answer_of
+from vibroplat.results.run_answer import rests
 from vibroplat.results.sheet import Sheet
 
 #: Rows of the short data sheet that the title of a figure shows, by their columns.
@@ -38,16 +39,17 @@ def _sentences(kind: str, run: RunTables) -> Iterator[str]:
     """
     if run.scene is None:
         return
-    if kind not in _ROWS:
+    sheet, still = Sheet(run.scene, run.summary), rests(run.scene, run.summary)
+    if kind not in _ROWS or still:
         yield plain(answer_of(run.scene, run.summary).removeprefix(f"{run.name}: "))
+    if kind not in _ROWS:
         return
-    sheet = Sheet(run.scene, run.summary)
     if sheet.transient:
         yield sheet.transient.removeprefix("while ")
     for label, value, *words in (row.short for row in sheet.short_rows() if row.column in _ROWS[kind]):
         parts = "; ".join(words).split("; ")
         largest = [part for part in parts if part.startswith("largest ")]
-        if not sheet.transient:
+        if not (sheet.transient or still):
             more = [part for part in parts if part.startswith(("material in", "sticks"))]
             yield ", ".join([f"{label} {value}", *largest, *more])
         elif largest:

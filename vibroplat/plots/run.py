@@ -19,8 +19,10 @@ from vibroplat.measured.data import Measured, curve_of
 from vibroplat.plots.headlines import headline
 from vibroplat.plots.histories import (
     FEWEST,
+    MATTERS,
     SPEEDS,
     RunTables,
+    folded_size,
     lines_of,
     peaks_of,
     run_of,
@@ -243,6 +245,8 @@ def missing(kind: str, shown: RunPicture) -> str:
     if kind in ("acceleration", "spectrum") and not any(column.startswith("acceleration_") for column in columns):
         return "has no accelerations; simulate it with --set output.accelerations=true"
     for run in shown.runs if kind == "spectrum" else ():
+        if not run.shown.filter(like="acceleration_").any(axis=None):
+            return "has no spectrum, as its machine rests in the interval shown"
         if run.too_coarse:
             return (
                 f"has too few samples for a spectrum ({run.too_coarse} of run {run.name} are shown; needed: more than "
@@ -429,12 +433,13 @@ def _accelerations(shown: RunPicture) -> picture.Picture:
 def _spectra(shown: RunPicture) -> picture.Picture:
     """Show amplitude spectra of accelerations, with the orders of the exciters; of measured data there are none."""
     first, panels, turns = shown.runs[0], list[Panel](), int(shown.runs[0].turns * (1.0 + 1e-9))
-    speed = float(first.shown["phi1_rate_rad_per_s"].abs().median()) / TURN  # also where a start is shown
-    end = np.inf
+    speed, end, folded, largest = first.speed, np.inf, list[tuple[float, RunTables]](), 0.0
     for column, lines in lines_of(shown.runs, shown.names).items():
         spectra = [spectrum_of(run, name) for run, name, _ in lines]
         end = min(spectra[0][0][-1], ORDERS * speed if turns and speed > 0.0 else np.inf)
         top = max(float(sizes.max()) for _, sizes in spectra) or 1.0
+        folded += [(folded_size(*one, run.speed), run) for one, (run, _, _) in zip(spectra, lines, strict=True)]
+        largest = max(largest, top)
         for number, ((frequencies, sizes), (_, _, label)) in enumerate(zip(spectra, lines, strict=True)):
             drawn = frequencies <= end
             table = {"frequency_hz": frequencies[drawn], column: np.maximum(sizes[drawn], top / DEPTH)}
@@ -443,10 +448,22 @@ def _spectra(shown: RunPicture) -> picture.Picture:
             last = min(NAMED, int(end / speed)) if turns and speed > 0.0 else 0
             shown.words += [picture.Word(f"{n}×", column, n * speed, top, REFERENCE) for n in range(1, last + 1)]
         label = f"amplitude along {column.split('_')[1]} (m/s²)"
-        panels.append(Panel(column, title=peaks_of(*spectra[0]), label=label, scale="log"))
+        panels.append(Panel(column, title=peaks_of(*spectra[0], speed), label=label, scale="log"))
     orders = picture.Line("frequency_hz", [n * speed for n in range(1, 2 * len(shown.words) + 1)], dash=":")
     over = f"Hann's window{f' over {turns} turns' if turns else ''}; n×: orders of exciter 1"
-    return shown.picture("spectrum", panels, over, facets=0, high=True, axes=["frequency_hz"], lines=[orders])
+    size, coarsest = max(folded, key=lambda one: one[0])
+    coarse = _folding(coarsest, size) if size > MATTERS * largest else ""
+    return shown.picture("spectrum", panels, over, coarse, facets=0, high=True, axes=["frequency_hz"], lines=[orders])
+
+
+def _folding(run: RunTables, size: float) -> str:
+    """Say that lines of a spectrum of a run may be folded back up to an amplitude (m/s²)."""
+    rate = run.sample_rate
+    each = f"{digits.number(rate / run.speed, 2)} points a turn" if run.speed else digits.quantity(rate, "Hz")
+    return (
+        f"{each}: what is above {digits.quantity(0.5 * rate, 'Hz')} folds back, lines up to "
+        f"{digits.quantity(size, 'm/s²', digits=2)} are uncertain: raise output.sample_rate_hz"
+    )
 
 
 def _measured(shown: RunPicture) -> picture.Picture:

@@ -39,6 +39,8 @@ STEPS_A_TURN, STEPS_A_RESTART = 5.0, 2.0
 STIFF = 10.0
 #: Stroke along one axis over that along the other up to which a motion is symmetric; a perturbation that breaks this.
 SYMMETRIC, DISTURBANCE = 1e-3, 0.01
+#: Strokes (m) that are round-off.
+MIN_STROKE = 1e-9
 #: How many exciters there are.
 EXCITERS = 2
 #: Fraction of the contact from which on shear inside is told.
@@ -157,7 +159,7 @@ def symmetry(scene: Scene, strokes: Mapping[str, float | None], begin: float, en
     if steady or scene.run.perturbation is not None or scene.start_perturbation:
         return ""
     least, most = sorted((size or 0.0, axis) for axis, size in strokes.items())
-    if least[0] > SYMMETRIC * most[0] or not most[0]:
+    if least[0] > SYMMETRIC * most[0] or most[0] < MIN_STROKE:
         return ""
     return (
         f"next to nothing moves along {least[1]}, as this start is symmetric and nothing disturbs it, but a real "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,8 +11,10 @@ from vibroplat.config.circular import degrees_text
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
 from vibroplat.config.scene import Scene
-from vibroplat.report.notes import slow_motors
-from vibroplat.report.summary import COHERENCE, INACCURATE, synchronization
+from vibroplat.observe.section import LATEST_DISTANCE, few_turns
+from vibroplat.report.data_sheet import columns
+from vibroplat.report.notes import MIN_STROKE, slow_motors
+from vibroplat.report.summary import COHERENCE, INACCURATE, MEASURES, synchronization
 from vibroplat.results.answer import are_alike, of_both
 
 #: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.
@@ -19,6 +22,8 @@ STOPPING = 0.1
 #: Maximum ripple of an exciter at rest, relative to the largest synchronous speed. Minimum measuring interval, in turns
 #: at that speed, for the statement that an exciter hardly turns.
 AT_REST, ENOUGH = 1e-3, 10.0
+#: Size of measures of a machine at rest that are round-off, in SI units and relative to the largest value of the run.
+ROUND_OFF = 1e-7
 #: Ratio of a transient to the largest stroke above which it is printed.
 SETTLED = 0.02
 
@@ -85,9 +90,10 @@ def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool,
     """Return the motion of exciters of which the first completes no turn in the measuring interval."""
     seconds, mean = summary["measured_to_s"] - summary["measured_from_s"], summary["excitation_frequency_hz"]
     if not any(driven):
-        ripples = [summary.get(f"speed_ripple_{n}_hz") or 0.0 for n in (1, 2)]
-        swing = max(ripples) * TURN > AT_REST * scene.speed_scale
+        swing = _ripple(summary) > AT_REST * scene.speed_scale
         motors = "braking at 0 Hz" if scene.braked(summary["measured_from_s"], summary["measured_to_s"]) else "off"
+        if rests(scene, summary):
+            return f"the machine rests, motors {motors}"
         return f"the exciters {'swing out' if swing else 'have come to rest'}, motors {motors}"
     if seconds * scene.speed_scale < ENOUGH * TURN:
         return f"not a whole turn in the measured {quantity(seconds, 's')}: a longer run.duration_s helps"
@@ -99,10 +105,37 @@ def _without_turns(scene: Scene, summary: Mapping[str, Any], driven: tuple[bool,
     return f"exciter {2 - turning} hardly turns, exciter {turning + 1} at {quantity(speeds[turning], 'Hz')}"
 
 
+def _ripple(summary: Mapping[str, Any]) -> float:
+    """Return the larger ripple of the exciters' speeds (rad/s)."""
+    return max(summary.get(f"speed_ripple_{n}_hz") or 0.0 for n in (1, 2)) * TURN
+
+
+def rests(scene: Scene, summary: Mapping[str, Any]) -> bool:
+    """Whether a machine moves by no more than round-off in the measured part."""
+    strokes = [math.inf if (size := summary.get(f"stroke_{axis}_m")) is None else size for axis in "xy"]
+    if summary.get("measured_turns"):
+        return False
+    return max(strokes) < MIN_STROKE and _ripple(summary) <= AT_REST * scene.speed_scale
+
+
+def without_round_off(scene: Scene, summary: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the summary of a run, with measures that are round-off as 0 where the machine rests."""
+    if not rests(scene, summary):
+        return summary
+    measured = {*MEASURES, *columns(scene)}
+    values = {
+        name: v for name, v in summary.items() if name.removeprefix("whole_") in measured and isinstance(v, float)
+    }
+    small = [n for n, v in values.items() if abs(v) < ROUND_OFF * max(1.0, abs(summary.get(f"whole_{n}") or 0.0))]
+    return {**summary, **dict.fromkeys(small, 0.0)}
+
+
 def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Return what exciters do in the measured part if that is no steady operation; "" if it is."""
     driven = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
     if not any(driven):
+        if rests(scene, summary):
+            return ""
         braked = scene.braked(summary["measured_from_s"], summary["measured_to_s"])
         return "while its motors brake" if braked else "while it coasts down"
     speeds = speeds_of_both(summary) or [0.0, 0.0]
@@ -116,9 +149,11 @@ def kind_of_motion(measures: Mapping[str, Any], period: int, transient: float | 
     """Name the kind of a motion in the measured part; ``transient`` is that part of its stroke, None if not steady."""
     if not measures["measured_turns"]:
         return ""
-    if transient is None or transient > SETTLED:
+    if transient is None or transient > (SETTLED if period else LATEST_DISTANCE):
         return "undecided"
-    return "periodic" if period else "non-periodic"
+    if period:
+        return "periodic"
+    return "undecided" if few_turns(measures["measured_turns"]) else "non-periodic"
 
 
 def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
@@ -135,8 +170,15 @@ def _period(summary: Mapping[str, Any]) -> str:
     if change > SETTLED:
         return f"; {percent(change)} of the stroke may decay"
     if turns == 0:
-        return "; does not repeat yet"
+        return f"; {repetition_text(summary) or 'does not repeat yet'}"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"
+
+
+def repetition_text(summary: Mapping[str, Any]) -> str:
+    """Say why it is undecided whether the motion of a run repeats; "" where it is decided or nothing was measured."""
+    turns = summary["measured_turns"]
+    few = few_turns(turns) if turns and summary["period"] == 0 else ""
+    return f"undecided: {few}" if few else ""
 
 
 def speeds_of_both(summary: Mapping[str, Any]) -> list[float] | None:

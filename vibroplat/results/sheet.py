@@ -15,7 +15,15 @@ from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.report.data_sheet import columns
 from vibroplat.report.summary import synchronization
 from vibroplat.results.answer import Numbers, are_alike, counted, of_both, short_line
-from vibroplat.results.run_answer import SETTLED, limit_text, phase_text, speeds_of_both, transient
+from vibroplat.results.run_answer import (
+    SETTLED,
+    limit_text,
+    phase_text,
+    repetition_text,
+    speeds_of_both,
+    transient,
+    without_round_off,
+)
 
 #: Minimum rotation, as a stroke at the exciters' distance relative to the largest stroke, to be in the short print.
 MIN_ROTATION = 0.1
@@ -89,7 +97,7 @@ class Sheet:
     """
 
     def __init__(self, scene: Scene, summary: Mapping[str, Any], steady: float | None = None) -> None:
-        self.scene, self.steady, self.numbers = scene, steady, Numbers(summary)
+        self.scene, self.steady, self.numbers = scene, steady, Numbers(without_round_off(scene, summary))
         self.groups: dict[str, list[Row]] = {}
         self.transient = ""
         if self.numbers["rms_y_m"] is None:
@@ -379,7 +387,11 @@ class Sheet:
             pace,
             in_step if s["captured_by"] or not passed else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),
-            Row("motion repeats", _repeats(s["period"]), f"strokes change by {percent(moved)}" * (moved > SETTLED)),
+            Row(
+                "motion repeats",
+                repetition_text(s) or _repeats(s["period"]),
+                f"strokes change by {percent(moved)}" * (moved > SETTLED),
+            ),
         ]
 
     def _point(self, name: str) -> Row:

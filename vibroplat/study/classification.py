@@ -4,7 +4,8 @@
 * ``chaotic`` — it does not repeat, and neighbouring trajectories diverge: the largest Lyapunov exponent is positive.
 * ``quasi-periodic`` — it does not repeat, and neighbouring trajectories neither diverge nor converge.
 * ``undecided`` — the error of the exponent leaves its sign open, or neighbours converge but no period is found, or the
-  section still drifts, as while exciters synchronize slowly: the motion has not settled.
+  section still drifts, as while exciters synchronize slowly: the motion has not settled. Or it was measured in too few
+  turns to show that it does not repeat.
 * ``non-periodic`` — it does not repeat, and there is no exponent: the plan asks for none, or material is transported.
 """
 
@@ -24,7 +25,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import state_scales
 from vibroplat.model.parameters import FloatArray
 from vibroplat.observe.measures import MAX_FINAL_PERIOD, Accumulators, block_difference, measured_extremes
-from vibroplat.observe.section import MAX_PERIOD, REPEAT_DISTANCE, least_period, period
+from vibroplat.observe.section import MAX_PERIOD, REPEAT_DISTANCE, few_turns, least_period, period
 from vibroplat.report.summary import COHERENCE, statistics
 from vibroplat.study.lyapunov import Exponent, largest_exponent
 from vibroplat.study.settling import SettlingResult, contraction_period
@@ -118,7 +119,7 @@ def classify(
     if scene.transport is not None and not scene.transport.runs_away:
         return _by_section(points, last=last)
     if scene.transport is not None or not plan.lyapunov:
-        return MotionClass("non-periodic", 0)
+        return _without_period(points)
     kind = _by_exponent(largest_exponent(scene, state), points)
     contracts = kind.exponent is not None and kind.exponent.sign < 0 and kind.period == 0
     return None if contracts and not last else kind
@@ -164,10 +165,12 @@ def _by_exponent(exponent: Exponent, points: FloatArray) -> MotionClass:
         n = _long_period(points)
         if n > 0:
             return _periodic(points, n, exponent)
-        why = f"no period found up to {MAX_FINAL_PERIOD}" if exponent.sign < 0 else "sign unclear"
+        longest = min(MAX_FINAL_PERIOD, len(points) // 2)
+        why = f"no period found up to {longest}" if exponent.sign < 0 else "sign unclear"
         return _undecided(exponent, why)
-    if not _is_steady(points, REPEAT_DISTANCE):
-        return _undecided(exponent, "the section still drifts")
+    few = few_turns(len(points) - 1)
+    if few or not _is_steady(points, REPEAT_DISTANCE):
+        return _undecided(exponent, few or "the section still drifts")
     return MotionClass("quasi-periodic", 0, exponent)
 
 
@@ -178,8 +181,14 @@ def _by_section(points: FloatArray, *, last: bool) -> MotionClass | None:
         return _periodic(points, n)
     # A motion that drifts only, beyond REPEAT_DISTANCE, moves by half of it from half to half.
     if _is_steady(points, 0.5 * REPEAT_DISTANCE, least=CHAOS_LIMITS[0]):
-        return MotionClass("non-periodic", 0)
+        return _without_period(points)
     return MotionClass("undecided", 0, reason=NOT_SETTLED, drifts=True) if last else None
+
+
+def _without_period(points: FloatArray) -> MotionClass:
+    """Return the class of a steady motion without a period and an exponent; few turns leave it open."""
+    few = few_turns(len(points) - 1)
+    return MotionClass("undecided" if few else "non-periodic", 0, reason=few, drifts=bool(few))
 
 
 def _long_period(points: FloatArray) -> int:

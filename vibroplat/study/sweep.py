@@ -394,13 +394,15 @@ def notes_on_points(table: pd.DataFrame) -> list[str]:
         )
     chaotic = int((table["motion"] == "chaotic").sum())
     if chaotic:
+        least = float(table.loc[table["motion"] == "chaotic", "simulated_s"].min())
         lines.append(
             f"{HINT}{counted(chaotic, 'chaotic point')}: other attractors were not looked for: basins; chaos that ends "
-            "only after sweep.measure_s looks alike"
+            f"only after the {quantity(least, 's')} for which they were followed looks alike"
         )
     undecided = table[(table["motion"] == "undecided") & (table["outcome"] == "ok")]
     for _, row in undecided.head(1).iterrows():
         several = len(undecided) > 1
+        longer = "measure_s" if "turns measured" in row["detail"] else "max_settle_s"
         which = f"{len(undecided)} points are undecided, the first" if several else "1 point is undecided,"
-        lines.append(f"{which} at {place_words(key, row[key])}: {row['detail']}; sweep.max_settle_s may help")
+        lines.append(f"{which} at {place_words(key, row[key])}: {row['detail']}; sweep.{longer} may help")
     return lines
