@@ -20,6 +20,7 @@ LONG = {
     "The least power for an amplitude",
     "Tolerances",
     "Compare with measurements",
+    "What the machine really is",
     "Acceleration and its spectrum",
     "Springs for a force",
     "Is it accurate?",

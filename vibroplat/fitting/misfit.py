@@ -127,11 +127,11 @@ class Misfit:
         return output
 
     def shift_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the least and largest shift of each file, between which all data lie in the run."""
+        """Return the least and largest shift of each file, between which nearly all data lie in the run."""
         count = len(self.plan.files) * self.fits_shift
         lengths = [max(float(p.times[-1]) for p in self.parts if p.file == number) for number in range(count)]
         room = [scene.run.duration_s - length for scene, length in zip(self.scenes, lengths, strict=False)]
-        return np.zeros(count), np.array(room)
+        return -LONGER * np.array(lengths), np.array(room)
 
     def curves(self, places: FloatArray) -> list[Computed]:
         """Return the computed curve of each part, with keys at places between the ends of their ranges, 0 and 1.

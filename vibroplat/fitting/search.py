@@ -23,6 +23,8 @@ from vibroplat.study.store import Record
 
 #: Parts of the data, one after the other, and most evaluations of each.
 PARTS, MOST_EVALUATIONS = (0.12, 0.35, 1.0), 25
+#: Difference (RMS over RMS) up to which a search suffices.
+SMALL = 0.2
 #: Part of what is left up to which another shift is better.
 BETTER = 1.0 - 1e-6
 #: Relative changes of squares and unknowns that end a search over a part of the data, and over all of them.
@@ -52,9 +54,11 @@ def search(scene: Scene, plan: FitPlan, places: list[float]) -> Record:
     misfit = Misfit(scene, plan)
     weights = np.array([float(np.sqrt(np.mean(np.square(part.values)))) for part in misfit.parts])
     try:
-        u = misfit.begin(np.array(places))
+        begun = u = misfit.begin(np.array(places))
         for until in PARTS:
             u, cost = _least(misfit, u, weights, until)
+        if cost > SMALL**2:  # the first part of the data may say little, as before a start
+            u, cost = min((u, cost), _least(misfit, begun, weights, 1.0), key=lambda of: of[1])
         u, cost = _other_turns(misfit, u, weights, cost)
     except ArithmeticError as error:
         return {"failed": str(error), "cost": None, "u": None, "simulations": misfit.simulations}

@@ -12,7 +12,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 from vibroplat.fitting.answer import answer_of
 from vibroplat.fitting.misfit import Misfit
-from vibroplat.fitting.search import error_with, refine, require_numbers, search, starting_places
+from vibroplat.fitting.search import SMALL, error_with, refine, require_numbers, search, starting_places
 from vibroplat.model.sensitivity import value_of
 from vibroplat.results.result import Result
 from vibroplat.study.branches import study_table
@@ -49,8 +49,6 @@ TABLES: dict[str, tuple[str, Columns]] = {
     "curves": ("`vibroplat fit`: measured and computed values, up to 5000 of each curve.", CURVES),
     "searches": ("`vibroplat fit`: one row per search.", SEARCHES),
 }
-#: Difference of data (RMS over RMS) up to which the first search suffices.
-SMALL = 0.2
 #: Error of a key over its range from which on data do not determine it.
 UNDETERMINED = 0.25
 
