@@ -133,7 +133,7 @@ def test_what_a_scene_does_not_have_is_not_unusual():
         {"machine.gravity_m_per_s2": 0.0},
         {"material.mass_ratio": 0.0, "material.damping_ratio": 5.0},
     ):
-        assert notes_on_input(load_config(QUICKSTART, changes)) == []
+        assert notes_on_input(load_config(QUICKSTART).replace(changes)) == []
 
 
 def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():

@@ -76,7 +76,7 @@ KINDS = {
             "thresholds.study",
             "Find the values of a key at which the motion changes.",
             "Writes the thresholds and all evaluated values to OUT/NAME/find. It is not an error if nothing changes.",
-            ("run", "sweep"),
+            ("run",),
         ),
         Kind(
             "basins",

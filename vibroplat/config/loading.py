@@ -32,7 +32,7 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     file = Path(path)
     lower = load_tree(file)
     try:
-        return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})))
+        return Scene.from_tree({"name": file.stem} | merge(lower, nest(overrides or {})), overrides or ())
     except ConfigError as error:
         message = add_line(str(error), file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {message}") from None

@@ -18,7 +18,9 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
 from vibroplat.config.kinds import KINDS, unused_sections
+from vibroplat.config.reader import ALTERNATIVES
 from vibroplat.config.scene import Scene
+from vibroplat.config.schema import in_lists
 from vibroplat.config.sections import Contact, Exciter, Material, Motor, Transport
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
@@ -133,7 +135,7 @@ def notes_on_plan(scene: Scene, kind: str) -> list[str]:
     class, so none is derived from the torque.
     """
     plan = getattr(scene, kind, None)
-    notes = _without_effect(scene, kind)
+    notes = [*set_in_vain(scene.set_keys, kind, plan), *_without_effect(scene, kind)]
     varied = str({} if plan is None else plan.model_dump(exclude={"parameter_tolerances"}, exclude_none=True))
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
@@ -174,23 +176,42 @@ def _without_effect(scene: Scene, kind: str) -> list[str]:
 def _given_in_vain(scene: Scene, *, of_run: bool) -> list[str]:
     """Return the notes on keys that are given and that a scene does not read; a bare platform may be meant."""
     bare_is_meant = not scene.material.mass_ratio and "mass_ratio" in scene.material.model_fields_set
-    unread = {}
+    set_over, unread = {}, {}
     for key, why in _unread_keys(scene).items():
         section, _, name = key.partition(".")
         model = getattr(scene, section)
         if model is None or name not in model.model_fields_set:
             continue
-        is_told = of_run if section == "run" else not bare_is_meant  # studies have seeds of their own
-        if is_told and getattr(model, name) != type(model).model_fields[name].default:
+        if section == "run" and not of_run:  # studies have seeds of their own
+            continue
+        if key in scene.set_keys:
+            set_over[key] = why
+        elif not bare_is_meant and getattr(model, name) != type(model).model_fields[name].default:
             unread[key] = why
-    return _no_effect(unread, HINT)
+    return [*_no_effect(set_over), *_no_effect(unread, HINT)]
 
 
-def set_in_vain(keys: Iterable[str], command: str) -> list[str]:
-    """Return the notes on keys that are set for a command whose result does not depend on them."""
+def set_in_vain(keys: Iterable[str], command: str, plan: BaseModel | None = None) -> list[str]:
+    """Return the notes on keys that are set for a command, or a study with a plan, and do not change its result."""
     others, of_runs = unused_sections(command) & KINDS.keys(), () if command == "run" else _OF_RUNS
     vain = [key for key in keys if key.partition(".")[0] in others or key in of_runs]
-    return [f"{WARNING}no effect of {key} on {command}" for key in vain]
+    varied = set(_varied_keys(plan)) if getattr(plan, "from_", "") != "previous" else set()
+    replaced = [key for key in keys if {key, in_lists(key.split("."))} & varied]
+    return [
+        *(f"{WARNING}no effect of {key} on {command}" for key in vain),
+        *(f"{WARNING}no effect of {key} on {command}, which varies it" for key in replaced),
+    ]
+
+
+def _varied_keys(plan: BaseModel | None) -> Iterator[str]:
+    """Yield the keys to which a plan gives values of its own, and those that exclude them."""
+    over = getattr(plan, "swept", None) or getattr(plan, "over", None) or plan
+    names = (getattr(over, "key", None), *getattr(plan, "grid", ()), *getattr(plan, "initial_conditions", ()))
+    for name in filter(None, names):
+        section, _, last = name.rpartition(".")
+        yield name
+        for pair in ALTERNATIVES.get(in_lists(section.split(".")), ()):
+            yield from (f"{section}.{other}" for other in pair if last in pair)
 
 
 def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str]:

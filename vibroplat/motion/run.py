@@ -18,7 +18,7 @@ from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
 from vibroplat.config.engine_choice import FAILED, engines_to_try
-from vibroplat.config.plausibility import WARNING, notes_on_input
+from vibroplat.config.plausibility import WARNING, notes_on_input, set_in_vain
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
@@ -303,6 +303,7 @@ def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], 
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
         change(scene, summary, begin),
         symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
+        *set_in_vain(scene.set_keys, "run"),
         *notes_on_input(scene, ends=begin + scene.run.duration_s),
         stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
     )
