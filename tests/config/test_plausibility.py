@@ -275,8 +275,24 @@ def test_keys_that_a_command_does_not_read_are_told():
     told = {
         "run": ["sweep.seed", "basins.seed"],
         "sweep": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
-        "find": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
+        "find": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
         "basins": ["run.duration_s", "output.sample_rate_hz", "sweep.seed"],
     }
     for command, vain in told.items():
         assert set_in_vain(keys, command) == [f"{WARNING}no effect of {key} on {command}" for key in vain]
+
+
+def test_keys_that_are_set_are_told_where_a_study_varies_them_or_a_bare_platform_is_meant():
+    setting = {"drive.supply_frequency_hz": 50.0, "material.stiffness_n_per_m": 9.0, "material.mass_ratio": 0.0}
+    scene = load_config(QUICKSTART, setting | {"contact.restitution": 0.0})
+    bare = f"{WARNING}no effect of contact.restitution, material.stiffness_n_per_m: there is no material, as "
+    assert [note for note in notes_on_input(scene) if "restitution" in note] == [f"{bare}material.mass_ratio is 0"]
+    for kind, section, varied in (
+        ("sweep", {"supply_frequency_hz": {"start": 50.0, "stop": 51.0}, "grid": {}}, ["drive.supply_frequency_hz"]),
+        ("find", {"key": "drive.supply_frequency_hz", "start": 50.0, "stop": 51.0}, ["drive.supply_frequency_hz"]),
+        ("find", {"key": "drive.supply_frequency_hz", "start": 50.0, "stop": 51.0, "from": "previous"}, []),
+        ("orbits", {"key": "material.natural_frequency_hz", "start": 9.0, "stop": 8.0}, ["material.stiffness_n_per_m"]),
+        ("basins", {"initial_conditions": {"phi1_rad": [0.0, 1.0]}}, []),
+    ):
+        notes = notes_on_plan(scene.replace({kind: section, "material.mass_ratio": 0.1}), kind)
+        assert notes == [f"{WARNING}no effect of {key} on {kind}, which varies it" for key in varied]

@@ -48,7 +48,7 @@ def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):
     for text, value in (("580e3", 580e3), ("1.E+2", 100.0), (".5", 0.5), ("0x10", 16.0), ("0o10", 8.0)):
         assert scene_of(f"machine: {{platform_mass_kg: {text}}}").machine.platform_mass_kg == value
-    for text, meant in (("yes", ""), ("1:30", ""), ("'5'", ", as 5"), ("5 kg", "")):
+    for text, meant in (("yes", ""), ("1:30", ""), ("'5'", ", as 5"), ("5 kg", " in Hz, not in kg")):
         assert complaint(f"drive:\n  supply_frequency_hz: {text}\n").endswith(f"allowed: a number{meant}")
 
 

@@ -355,6 +355,13 @@ def test_notes_on_the_input_are_those_of_all_branches_each_once():
     assert not [note for note in notes if "not given" in note]
 
 
+def test_an_answer_in_python_has_the_notes_on_keys_without_effect_once():
+    times = {"settle_by": "section", "max_settle_s": 0.1, "measure_s": 0.1, "lyapunov": False}
+    scene = planned(LOADED, 50.0, changes={"run.seed": 7}, **times)
+    note = f"{WARNING}run.seed = 7 has no effect on sweep: sweep.seed = 0 counts"
+    assert sweep(scene).answer.notes.count(note) == 1
+
+
 def test_a_sweep_prints_its_notes_and_keeps_those_of_points(command, kernels, here):
     frequencies = "{start: 50.0, stop: 50.5}"
     times = "measure_s: 0.5, lyapunov: false"
