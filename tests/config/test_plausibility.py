@@ -274,6 +274,7 @@ def test_keys_that_a_command_does_not_read_are_told():
     keys = ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "run.seed", "output.points", "basins.seed"]
     told = {
         "run": ["sweep.seed", "basins.seed"],
+        "inspect": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
         "sweep": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
         "find": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
         "basins": ["run.duration_s", "output.sample_rate_hz", "sweep.seed"],
@@ -295,4 +296,20 @@ def test_keys_that_are_set_are_told_where_a_study_varies_them_or_a_bare_platform
         ("basins", {"initial_conditions": {"phi1_rad": [0.0, 1.0]}}, []),
     ):
         notes = notes_on_plan(scene.replace({kind: section, "material.mass_ratio": 0.1}), kind)
-        assert notes == [f"{WARNING}no effect of {key} on {kind}, which varies it" for key in varied]
+        end = "; starts only get other random numbers" * (kind == "find")
+        assert notes == [f"{WARNING}no effect of {key} on {kind}, which varies it{end}" for key in varied]
+
+
+def test_keys_that_are_set_and_that_a_study_does_not_read_with_other_keys_are_told():
+    scene = load_config(QUICKSTART, {"design.starts": 4, "sweep.grid": {}, "solver.tolerance": 1e-5, "run.seed": 2})
+    design = scene.replace({"design.minimize": None, "design.seed": 0})
+    assert notes_on_plan(design, "design") == [
+        f"{WARNING}no effect of sweep.grid on design",
+        f"{WARNING}run.seed = 2 has no effect on design: design.seed = 0 counts",
+        f"{WARNING}no effect of design.starts: design.minimize is not given",
+    ]
+    orbits = {"key": "contact.restitution", "start": 0.1, "stop": 0.5}
+    assert notes_on_plan(scene.replace({"orbits": orbits, "run.perturbation": 0.0}), "orbits")[2:] == [
+        f"{WARNING}no effect of solver.tolerance: orbits.tolerance = 1e-08 asks for less",
+        f"{WARNING}no effect of run.seed: nothing is random, as nothing disturbs the start",
+    ]

@@ -114,5 +114,11 @@ def noun_of(command: str) -> str:
 
 def unused_sections(command: str) -> set[str]:
     """Return the sections of a configuration that the result of a command does not depend on."""
-    used = ("run", "output") if command == "run" else (command, *KINDS[command].uses) if command in KINDS else _OPTIONAL
+    used = (
+        ("run", "output")
+        if command in ("run", "inspect")
+        else (command, *KINDS[command].uses)
+        if command in KINDS
+        else _OPTIONAL
+    )
     return {*_OPTIONAL} - {*used}
