@@ -274,7 +274,7 @@ def test_keys_that_a_command_does_not_read_are_told():
     keys = ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "run.seed", "output.points", "basins.seed"]
     told = {
         "run": ["sweep.seed", "basins.seed"],
-        "inspect": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
+        "inspect": ["sweep.seed", "basins.seed"],
         "sweep": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
         "find": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
         "basins": ["run.duration_s", "output.sample_rate_hz", "sweep.seed"],

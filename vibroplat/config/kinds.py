@@ -114,11 +114,6 @@ def noun_of(command: str) -> str:
 
 def unused_sections(command: str) -> set[str]:
     """Return the sections of a configuration that the result of a command does not depend on."""
-    used = (
-        ("run", "output")
-        if command in ("run", "inspect")
-        else (command, *KINDS[command].uses)
-        if command in KINDS
-        else _OPTIONAL
-    )
+    of_kind = (command, *KINDS[command].uses) if command in KINDS else _OPTIONAL
+    used = ("run", "output") if command in ("run", "inspect") else of_kind
     return {*_OPTIONAL} - {*used}

@@ -31,7 +31,7 @@ INELASTIC = "contact.restitution is 0"
 
 def unread_by_command(keys: Iterable[str], command: str, plan: BaseModel | None = None) -> Iterator[tuple[str, str]]:
     """Yield those of some keys on which the result of a command does not depend, or that its plan varies, and why."""
-    others, of_runs = unused_sections(command) & KINDS.keys(), () if command == "run" else _OF_RUNS
+    others, of_runs = unused_sections(command) & KINDS.keys(), () if command in ("run", "inspect") else _OF_RUNS
     of_curves = _OF_CURVES if command == "design" else ()
     varied = set(_varied_keys(plan)) if getattr(plan, "from_", "") != "previous" else set()
     for key in keys:
