@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 def _offer(resume: bool) -> bool:
-    """Offer --resume in messages about an interruption, whether or not it was given now."""
-    offer_resume(True)
+    """Offer --resume in messages about an interruption if it is given now; otherwise the first stored point does."""
+    offer_resume(resume)
     return resume
 
 

@@ -169,7 +169,7 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
         finally:
             shooter.give_back()
 
-    return with_second_engine(scene, compute, lambda record: record["missed"])
+    return with_second_engine(scene, compute, lambda record: record["missed"], reason=lambda record: (record, "ended"))
 
 
 def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, known: KnownPoints) -> Record:

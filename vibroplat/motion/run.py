@@ -17,7 +17,7 @@ from vibroplat.config.arguments import TrueOrKeys, validated
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
-from vibroplat.config.engine_choice import FAILED, engines_to_try
+from vibroplat.config.engine_choice import FAILED, both_reasons, engines_to_try
 from vibroplat.config.plausibility import WARNING, notes_on_input, set_in_vain
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
@@ -178,12 +178,16 @@ def simulate(
     start = initial_condition(scene) if start is None else start
     makers = _makers(scene, run=keys is None) if engine is None else [engine]
     files = [file for file in sink or () if isinstance(file, TableFile)]
+    reasons = list[str]()
     for maker in makers if files or sink is None else makers[:1]:
         for file in files:
             file.clear()
         run = _simulate(scene, maker, start, Recorder(scene, keep, sink), keys, progress)
         if run.outcome not in FAILED:
             break
+        reasons.append(run.summary["detail"])
+    if len(reasons) > 1:
+        run.summary["detail"] = both_reasons(engines_to_try(scene, run=keys is None), *reasons)
     return run
 
 
