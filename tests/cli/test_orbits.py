@@ -96,7 +96,8 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
     done = command("orbits", config(ORBITS))
     assert done.code == 1
     assert done.err.splitlines() == [
-        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no point beyond: for a test",
+        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no point beyond: for a test; engine "
+        "taylor ended it, solver.engine = native may go on",
         "vibroplat: 1 of the branches failed",
     ]
     assert results()["branches.parquet"]["material.mass_ratio"].value_counts()[0.1] == 3

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -417,3 +418,9 @@ def test_all_numbers_of_the_data_sheet_are_printed_once_and_those_at_four_points
     ]
     assert len([line for line in shown if line.startswith("at p")]) == 4
     assert len(sheet.groups[POINTS]) == 6
+
+
+def test_long_names_of_points_shift_no_column():
+    rows = [("stroke y", "1.36 mm", "x 0"), ("at the_name_of_a_point_is_long", "2.5 mm", "x 0.01 mm")]
+    lines = short_lines(SimpleNamespace(groups={}, short=lambda: rows))
+    assert [[line.index(text) for text in row[1:]] for line, row in zip(lines, rows, strict=True)] == [[32, 54]] * 2

@@ -54,6 +54,11 @@ def test_the_other_engine_is_tried_where_one_fails(scene, engine, tried):
         assert found == expected
         assert asked == (tried if outcomes[0] != "ok" else tried[:1])
     asked.clear()
-    with pytest.raises(MotionError, match="engine 1"):
+    named = "engine taylor: engine 1; engine native: engine 2" if engine == "auto" else "engine 1"
+    with pytest.raises(MotionError, match=f"^{named}$"):
         with_second_engine(scene, lambda given: compute(given, ["raises"] * 2), errors=(MotionError,))
     assert asked == tried
+    rows = iter([{"detail": "stuck, state [1, 2]"}, {"detail": "late"}])
+    row = with_second_engine(scene, lambda _: next(rows), lambda _: True, reason=lambda row: (row, "detail"))
+    both = "engine taylor: stuck; engine native: late" if engine == "auto" else "stuck, state [1, 2]"
+    assert row == {"detail": both}

@@ -226,8 +226,43 @@ SETTINGS = [
     (
         "",
         "machine.platform_mass_kg=1,168",
-        "--set machine.platform_mass_kg=1,168: a decimal comma; allowed: a point, 1.168, or 1168 without a separator "
-        "of thousands",
+        "--set machine.platform_mass_kg: a decimal comma in line 1; allowed: a point, as in 1.168, or 1168 without a "
+        "separator of thousands",
+    ),
+    *(
+        ("", f"{key}={text}", f"c.yaml: {key.replace('N', '0')} = {text!r}; allowed: {instead}")
+        for key, text, instead in (
+            ("machine.platform_mass_kg", "12.42 kg", "a number without its unit, as 12.42; that of the key is kg"),
+            ("machine.platform_mass_kg", "12.42 g", "a number in kg, not in g"),
+            (
+                "machine.platform_mass_kg",
+                "1,168 kg",
+                "a number without its unit, as 1.168, or 1168 without a separator of thousands; that of the key is kg",
+            ),
+            ("machine.stiffness_phi_n_m_per_rad", "–1.168,5", "a number, as -1168.5"),
+            ("machine.unbalance_radius_m", "5 %", "a number in m, not in %"),
+            ("material.mass_ratio", "5 %", "a number, as 0.05"),
+            ("run.initial.state.x_m", "1 mm", "a number in m, not in mm"),
+            ("motor.pole_pairs", "2 pairs", "a whole number without its unit, as 2"),
+        )
+    ),
+    (
+        "sweep: {supply_frequency_hz: {start: 1, stop: 2}}",
+        "sweep.supply_frequency_hz.start=50Hz",
+        "c.yaml: sweep.supply_frequency_hz.start = '50Hz'; allowed: a number without its unit, as 50; that of the key "
+        "is Hz",
+    ),
+    (
+        "find: {key: material.mass_ratio, start: 0, stop: 1}",
+        "find.expression='rms_y_m > –1,5 m'",
+        "c.yaml: find: expression = 'rms_y_m > –1,5 m'; allowed: column > number, or >=, <, <=; a number without its "
+        "unit, as -1.5; that of the key is m",
+    ),
+    (
+        "design: {keys: {motor.critical_slip: [0.1, 0.2]}, minimize: motor_power_w}",
+        "design.constraints={rms_y_m: '>= 1 mm'}",
+        'c.yaml: design: constraints.rms_y_m = \'>= 1 mm\' is no bound; allowed: ">= NUMBER" or "<= NUMBER"; a number '
+        "in m, not in mm",
     ),
     (program(), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: none"),
     (program(START), "drive.program.1.t_s=2", "c.yaml: unknown key drive.program.1; allowed: drive.program.0"),

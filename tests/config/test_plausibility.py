@@ -134,7 +134,7 @@ def test_what_a_scene_does_not_have_is_not_unusual():
         {"machine.gravity_m_per_s2": 0.0},
         {"material.mass_ratio": 0.0, "material.damping_ratio": 5.0},
     ):
-        assert notes_on_input(load_config(QUICKSTART, changes)) == []
+        assert notes_on_input(load_config(QUICKSTART).replace(changes)) == []
 
 
 def test_a_motor_too_weak_to_lift_its_unbalance_is_noted():
@@ -264,7 +264,7 @@ def test_keys_that_a_study_does_not_read_are_told():
     ]
     orbits = {"key": "material.damping_ratio", "start": 0.1, "stop": 0.5}
     assert notes_on_plan(Scene(run={"seed": 7}, orbits=orbits), "orbits") == [
-        f"{WARNING}no effect of material.damping_ratio: there is no material, as material.mass_ratio is 0"
+        f"{WARNING}no effect of material.damping_ratio: there is no material, as its mass is 0"
     ]
     loaded = orbits | {"grid": {"material.mass_ratio": [0.0, 0.2]}}
     assert notes_on_plan(Scene(orbits=loaded, sweep=plan), "orbits") == []
@@ -272,7 +272,7 @@ def test_keys_that_a_study_does_not_read_are_told():
 
 def test_keys_that_are_given_in_vain_are_told():
     two = {"mass_ratio": 0.2, "natural_frequency_hz": 22.0}
-    bare = "there is no material, as material.mass_ratio is 0"
+    bare = "there is no material, as its mass is 0"
     for given, told in (
         ({"run": {"seed": 3, "perturbation": 0.0}}, ["run.seed: nothing is random, as nothing disturbs the start"]),
         ({"run": {"seed": 3}}, []),
@@ -301,9 +301,42 @@ def test_keys_that_a_command_does_not_read_are_told():
     keys = ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "run.seed", "output.points", "basins.seed"]
     told = {
         "run": ["sweep.seed", "basins.seed"],
+        "inspect": ["sweep.seed", "basins.seed"],
         "sweep": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
-        "find": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
+        "find": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
         "basins": ["run.duration_s", "output.sample_rate_hz", "sweep.seed"],
     }
     for command, vain in told.items():
         assert set_in_vain(keys, command) == [f"{WARNING}no effect of {key} on {command}" for key in vain]
+
+
+def test_keys_that_are_set_are_told_where_a_study_varies_them_or_a_bare_platform_is_meant():
+    setting = {"drive.supply_frequency_hz": 50.0, "material.stiffness_n_per_m": 9.0, "material.mass_ratio": 0.0}
+    scene = load_config(QUICKSTART, setting | {"contact.restitution": 0.0})
+    bare = f"{WARNING}no effect of contact.restitution, material.stiffness_n_per_m: there is no material, as "
+    assert [note for note in notes_on_input(scene) if "restitution" in note] == [f"{bare}material.mass_ratio is 0"]
+    for kind, section, varied in (
+        ("sweep", {"supply_frequency_hz": {"start": 50.0, "stop": 51.0}, "grid": {}}, ["drive.supply_frequency_hz"]),
+        ("find", {"key": "drive.supply_frequency_hz", "start": 50.0, "stop": 51.0}, ["drive.supply_frequency_hz"]),
+        ("find", {"key": "drive.supply_frequency_hz", "start": 50.0, "stop": 51.0, "from": "previous"}, []),
+        ("orbits", {"key": "material.natural_frequency_hz", "start": 9.0, "stop": 8.0}, ["material.stiffness_n_per_m"]),
+        ("basins", {"initial_conditions": {"phi1_rad": [0.0, 1.0]}}, []),
+    ):
+        notes = notes_on_plan(scene.replace({kind: section, "material.mass_ratio": 0.1}), kind)
+        end = "; starts only get other random numbers" * (kind == "find")
+        assert notes == [f"{WARNING}no effect of {key} on {kind}, which varies it{end}" for key in varied]
+
+
+def test_keys_that_are_set_and_that_a_study_does_not_read_with_other_keys_are_told():
+    scene = load_config(QUICKSTART, {"design.starts": 4, "sweep.grid": {}, "solver.tolerance": 1e-5, "run.seed": 2})
+    design = scene.replace({"design.minimize": None, "design.seed": 0})
+    assert notes_on_plan(design, "design") == [
+        f"{WARNING}no effect of sweep.grid on design",
+        f"{WARNING}run.seed = 2 has no effect on design: design.seed = 0 counts",
+        f"{WARNING}no effect of design.starts: design.minimize is not given",
+    ]
+    orbits = {"key": "contact.restitution", "start": 0.1, "stop": 0.5}
+    assert notes_on_plan(scene.replace({"orbits": orbits, "run.perturbation": 0.0}), "orbits")[2:] == [
+        f"{WARNING}no effect of solver.tolerance: orbits.tolerance = 1e-08 asks for less",
+        f"{WARNING}no effect of run.seed: nothing is random, as nothing disturbs the start",
+    ]

@@ -32,7 +32,7 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
 
 
 #: What is told of machines, whose files say how material is that others put on them.
-BARE = "there is no material, as material.mass_ratio is 0"
+BARE = "there is no material, as its mass is 0"
 
 
 @pytest.mark.parametrize("room", ["", "machines", "templates", "paper", "examples"])
@@ -48,7 +48,7 @@ def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):
     for text, value in (("580e3", 580e3), ("1.E+2", 100.0), (".5", 0.5), ("0x10", 16.0), ("0o10", 8.0)):
         assert scene_of(f"machine: {{gravity_m_per_s2: {text}}}").machine.gravity_m_per_s2 == value
-    for text, meant in (("yes", ""), ("1:30", ""), ("'5'", ", as 5"), ("5 kg", "")):
+    for text, meant in (("yes", ""), ("1:30", ""), ("'5'", ", as 5"), ("5 kg", " in Hz, not in kg")):
         assert complaint(f"drive:\n  supply_frequency_hz: {text}\n").endswith(f"allowed: a number{meant}")
 
 

@@ -21,6 +21,7 @@ from vibroplat.results.tables import read_table
 from vibroplat.study import sweep
 from vibroplat.study.fingerprint import package
 from vibroplat.study.store import CorruptRecordError, Store, digest
+from vibroplat.system.interrupts import RESUMABLE, offer_resume, records_kept
 
 pytestmark = pytest.mark.usefixtures("kernels")
 
@@ -354,3 +355,16 @@ def test_an_attempt_of_another_user_leaves_nothing(tmp_path):
         (place / "points.sqlite").unlink()
         assert as_user(40_002, {0: object()}) == 5  # conditions that cannot be kept
         assert {path.name for path in place.iterdir()} == {"points.lock"}
+
+
+@pytest.mark.parametrize(("promised", "then"), [(False, RESUMABLE), (None, "")])
+def test_resume_is_promised_once_a_point_is_stored(promised, then, tmp_path):
+    """A program, which has no command, promises nothing."""
+    offer_resume(promised)
+    try:
+        with Store(tmp_path, {}) as store:
+            assert RESUMABLE not in records_kept()
+            store.write("a", 0, {"x": 1.0})
+        assert records_kept().removeprefix("; ") == then
+    finally:
+        offer_resume(None)

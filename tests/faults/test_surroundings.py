@@ -14,7 +14,7 @@ from common.results import edited, unproven
 from vibroplat import load
 from vibroplat.page.text import escape
 from vibroplat.system import memory
-from vibroplat.system.interrupts import RESUMABLE
+from vibroplat.system.interrupts import KEPT
 
 SHORT = ("--set", "run.duration_s=0.05")
 SWEEP = FLYING + "name: few\nsweep: {supply_frequency_hz: {start: 50.0, stop: 52.0, step: 1.0}, measure_s: 0.5}\n"
@@ -127,11 +127,11 @@ def test_processes_that_the_system_refuses_are_not_blamed_on_the_output(command,
     monkeypatch.setattr("vibroplat.system.workers._start", refused)
     (here / "few.yaml").write_text(SWEEP.replace("measure_s", "grid: {contact.restitution: [0.0, 0.3]}, measure_s"))
     told = "worker processes cannot be started: Resource temporarily unavailable; one job needs none"
-    assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {RESUMABLE}\n")
+    assert command("sweep", "few.yaml", "--jobs", "2") == (1, "", f"vibroplat: {told}; {KEPT}\n")
     monkeypatch.setattr(
         "vibroplat.study.sweep.run_branches", raising(OSError(errno.EMFILE, "Too many open files", "it"))
     )
-    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: it: Too many open files; {RESUMABLE}\n")
+    assert command("sweep", "few.yaml") == (1, "", f"vibroplat: it: Too many open files; {KEPT}\n")
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])

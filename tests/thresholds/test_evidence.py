@@ -17,7 +17,7 @@ from vibroplat.config.study_plans import FindPlan
 from vibroplat.study.point import ANTIPHASE, SweepPoint, failed_record
 from vibroplat.thresholds import picture, search
 from vibroplat.thresholds import values as values_of
-from vibroplat.thresholds.distinct import indistinct
+from vibroplat.thresholds.distinct import indistinct, measures_to_ask
 from vibroplat.thresholds.evidence import (
     ERROR_PROBABILITY,
     MAX_OTHER_FRACTION,
@@ -483,9 +483,10 @@ def test_changes_beside_chaos_are_not_narrowed_and_measures_are_named_instead(kn
     assert told[0].startswith("attractors cannot be told apart over")
     assert "find.compare: regime" in told[1]
     if above == "chaotic":
-        assert "40 … 50" in told[0]
-        assert '"rms_y_m > 0.00145" (1.40 … 1.50 mm there)' in told[2]
-        assert told[3] == "at critical torque 40 N·m: antiphase, period 1; with another seed: antiphase, chaotic"
+        assert "20 … 70" in told[0], "another seed decides there"
+        assert find(Scene().replace({"find": plan, "run.seed": 1})).answer.headline == told[0]
+        assert '"rms_y_m > 0.00145" (1.20 … 1.70 mm there)' in told[2]
+        assert told[3] == "at critical torque 30 N·m: antiphase, period 1; with another seed: antiphase, chaotic"
         assert "80 … 90 N·m: antiphase, chaotic → in-phase, chaotic" in told[-1]
         assert set(found.thresholds["kind"]) == {"not-narrowed"}
         assert len(found.scan) <= 2 * 10, "nothing is narrowed"
@@ -561,7 +562,7 @@ def test_what_was_measured_in_a_transient_is_told(known, monkeypatch):
 
     monkeypatch.setattr(search, "evaluate", drifting)
     notes = find(Scene().replace({"find": ASKED})).answer.notes
-    assert "was measured in a transient or has no clear class" in notes[-1]
+    assert any("was measured in a transient or has no clear class" in note for note in notes)
 
 
 def test_periodic_motion_without_a_known_orbit_is_bisected(known, monkeypatch):
@@ -605,3 +606,21 @@ def test_motors_from_the_answer_on_start_with_seeds_that_the_search_has_not_used
     answer = scene.replace({plan["key"]: row["clear_above"]})
     points = [evaluate(answer, scene.find, None, 1, start_key(scene, 10_000 + k)) for k in range(60)]
     assert sum(point.row["excitation_frequency_hz"] < 20.0 for point in points) <= 6, "more are rare with 5 %"
+
+
+def test_the_range_of_attractors_that_cannot_be_told_apart_reaches_where_motion_settles_fast():
+    """Periodic motion after a long transient may be luck, unless it is weakly damped; a mixed value has measures."""
+    plan = FindPlan(**{name: ASKED[name] for name in ("key", "start", "stop")})
+    orbit = {"sync": "in-phase", "motion": "periodic", "period": 1, "excitation_frequency_hz": 31.0, "settle_s": 7.0}
+    chaos = {"sync": "antiphase", "motion": "chaotic", "period": 0, "rms_y_m": 5e-3}
+    late = orbit | {"settle_s": 37.0, "multiplier_max": 0.989}
+    found = [value(10.0, 1.0, **chaos), *(value(at, 1.0, rms_y_m=0.0, **late) for at in (20.0, 30.0))]
+    found += [value(at, 1.0, rms_y_m=0.0, multiplier_max=0.989, **orbit) for at in (40.0, 50.0)]
+    known = indistinct([], found, plan)
+    assert (known.low, known.high) == (10.0, 40.0)
+    weakly_damped = [one._replace(row=one.row | {"multiplier_max": 0.9995}) for one in found]
+    assert indistinct([], weakly_damped, plan).high == 20.0
+    mixed = [*found, value(20.0, 1.0, **chaos)]
+    known = indistinct([], mixed, plan)
+    assert (known.low, known.high, len(known.pairs)) == (10.0, 40.0, 1)
+    assert measures_to_ask(known, mixed, plan) == ['"rms_y_m > 0.0025" (0.00 … 5.00 mm there)']

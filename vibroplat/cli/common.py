@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 def _offer(resume: bool) -> bool:
-    """Offer --resume in messages about an interruption, whether or not it was given now."""
-    offer_resume(True)
+    """Offer --resume in messages about an interruption if it is given now; otherwise the first stored point does."""
+    offer_resume(resume)
     return resume
 
 
@@ -76,17 +76,12 @@ Scheduler = Annotated[str | None, typer.Option(help="Address of a dask scheduler
 # -- before a command begins --------------------------------------------------------------------------------
 
 
-def scene_of(config: Path, settings: list[str] | None, engine: str | None, command: str = "") -> Scene:
-    """Read a configuration and apply the options ``--set`` and ``--engine``; tell which the command does not read."""
+def scene_of(config: Path, settings: list[str] | None, engine: str | None) -> Scene:
+    """Read a configuration and apply the options ``--set`` and ``--engine``."""
     from vibroplat.config.loading import load_config
-    from vibroplat.config.plausibility import set_in_vain
     from vibroplat.config.reader import parse_overrides
 
-    changes = parse_overrides(settings or [], engine)
-    scene = load_config(config, changes)
-    for note in set_in_vain(changes, command) if command else ():
-        print(f"vibroplat: {note}", file=sys.stderr)
-    return scene
+    return load_config(config, parse_overrides(settings or [], engine))
 
 
 def announce_first_run(engine: str = "native") -> bool:

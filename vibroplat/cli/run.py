@@ -40,7 +40,7 @@ def run(
     from vibroplat.results.files import directory_of
     from vibroplat.results.tables import TableFile
 
-    scene = common.scene_of(config, set_, engine, "run")
+    scene = common.scene_of(config, set_, engine)
     with errors_about(config):
         start = initial_condition(scene)  # errors appear before anything is written or compiled
         source = scene.run.initial.from_

@@ -51,7 +51,7 @@ def study_command(kind: Kind) -> Callable[..., None]:
         with common.workers_of(kind.study, engine, jobs, scheduler):
             from vibroplat.config.engine_choice import chosen_engine
 
-            scene = common.scene_of(config, set_, engine, kind.name)
+            scene = common.scene_of(config, set_, engine)
             common.announce_first_run(chosen_engine(scene))
             with errors_about(config):
                 study = kind.load()(scene)
@@ -108,7 +108,6 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
     from vibroplat.check.studies import cross_check
     from vibroplat.config.digits import quantity
     from vibroplat.config.engine_choice import chosen_engine, other_engine
-    from vibroplat.config.plausibility import notes_on_inputs, notes_on_plan
     from vibroplat.results.answer import noted
     from vibroplat.study.fingerprint import arithmetic
     from vibroplat.study.pool import pool
@@ -116,8 +115,7 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
     from vibroplat.study.study import MAX_CROSS_CHECKS, note_computation
 
     scene = study.scene
-    notes = [*notes_on_inputs(study.scenes(), study.places()), *notes_on_plan(scene, study.kind)]
-    for note in notes if sys.stderr.isatty() else ():  # to a person who waits
+    for note in study.input_notes() if sys.stderr.isatty() else ():  # to a person who waits
         print(f"vibroplat: {noted(note)}", file=sys.stderr)
     with Store(directory, study.conditions, **how.options) as store:
         engine = chosen_engine(scene)
@@ -135,7 +133,7 @@ def _compute(study: Study, directory: Path, how: Execution) -> tuple[Result, dic
                     checked = cross_check(study, result, store, workers, progress or (lambda done, known: None))
         store.finish()
         result.check = None if checked is None else checked.to_tree()
-        note_computation(result, notes)
+        note_computation(study, result)
         result.save(directory, how.form)
     return result, {"wall time": quantity(seconds, "s")}, checked, f"{known} tasks from before" * bool(known)
 

@@ -6,9 +6,8 @@ Taylor series of the same DAE (``taylor``), unless the scene is stiff. Where one
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import suppress
-from typing import TypeVar
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 from vibroplat.config.engines import uses_sundials
 from vibroplat.config.scene import Scene
@@ -69,6 +68,7 @@ def with_second_engine(
     compute: Callable[[Scene], T],
     failed: Callable[[T], bool] = lambda result: False,
     errors: tuple[type[Exception], ...] = (),
+    reason: Callable[[T], tuple[dict[str, Any], str]] | None = None,
 ) -> T:
     """Compute something of a scene; where that fails and the key is ``auto``, compute it by the other engine.
 
@@ -78,21 +78,36 @@ def with_second_engine(
         The scene, and what is computed of it: no run, which :func:`vibroplat.simulate` computes.
     failed, errors
         Whether a result is a failure, and exceptions that are failures. If both engines fail, the failure is that of
-        the first one.
+        the first one, with both reasons.
+    reason
+        The row of a result, and its column with the reason of a failure.
     """
     if scene.solver.engine != "auto":
         return compute(scene)
     second = scene.replace({"solver.engine": engines_to_try(scene)[-1]})
     try:
         result = compute(scene)
-    except errors:
-        with suppress(*errors):
+    except errors as error:
+        try:
             return compute(second)
-        raise
+        except errors as other:
+            raise type(error)(both_reasons(engines_to_try(scene), str(error), str(other))) from None
     if not failed(result):
         return result
     again = compute(second)
-    return result if failed(again) else again
+    if not failed(again):
+        return again
+    if reason is not None:
+        row, column = reason(result)
+        row[column] = both_reasons(engines_to_try(scene), row[column], reason(again)[0][column])
+    return result
+
+
+def both_reasons(engines: Sequence[str], first: str, second: str) -> str:
+    """Say why two engines have failed, the first one without the state at which it did."""
+    if first == second:
+        return f"engines {' and '.join(engines)}: {first}"
+    return f"engine {engines[0]}: {first.partition(', state [')[0]}; engine {engines[1]}: {second}"
 
 
 #: How the note on the engine begins.

@@ -76,7 +76,7 @@ KINDS = {
             "thresholds.study",
             "Find the values of a key at which the motion changes.",
             "Writes the thresholds and all evaluated values to OUT/NAME/find. It is not an error if nothing changes.",
-            ("run", "sweep"),
+            ("run",),
         ),
         Kind(
             "basins",
@@ -123,5 +123,6 @@ def noun_of(command: str) -> str:
 
 def unused_sections(command: str) -> set[str]:
     """Return the sections of a configuration that the result of a command does not depend on."""
-    used = ("run", "output") if command == "run" else (command, *KINDS[command].uses) if command in KINDS else _OPTIONAL
+    of_kind = (command, *KINDS[command].uses) if command in KINDS else _OPTIONAL
+    used = ("run", "output") if command in ("run", "inspect") else of_kind
     return {*_OPTIONAL} - {*used}

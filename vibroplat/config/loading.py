@@ -39,7 +39,7 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
     lower = load_tree(file)
     try:
         tree = merge(lower, nest(overrides or {}))
-        scene = Scene.from_tree({"name": file.stem} | tree)
+        scene = Scene.from_tree({"name": file.stem} | tree, overrides or ())
     except ConfigError as error:
         message = add_line(str(error), file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {message}") from None

@@ -17,9 +17,9 @@ from vibroplat.config.consistency import given_by_exciters
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
-from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.config.scene import Scene
-from vibroplat.config.sections import Contact, Exciter, Material, Motor, Transport
+from vibroplat.config.sections import Exciter, Motor
+from vibroplat.config.unread import BARE, INELASTIC, NOT_RANDOM, unread_by_command, unread_by_scene, unread_by_study
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
 #: swing: the largest (1 - cos a)/a. With less it swings, more each time if the torque grows with the speed, or stays.
@@ -49,16 +49,6 @@ _AXES = (
     ("y", "stiffness_y_n_per_m", "damping_y_n_s_per_m"),
     ("phi", "stiffness_phi_n_m_per_rad", "damping_phi_n_m_s_per_rad"),
 )
-
-#: Sections that count with material alone, and keys that count with two layers alone.
-_OF_MATERIAL: dict[str, type[BaseModel]] = {"material": Material, "contact": Contact, "transport": Transport}
-_OF_TWO_LAYERS = ("lower_share", "natural_frequency_hz", "stiffness_n_per_m", "damping_ratio", "damping_n_s_per_m")
-
-#: Keys that count in runs alone.
-_OF_RUNS = ("run.duration_s", "output.sample_rate_hz", "output.accelerations")
-#: Reasons why keys have no effect that may be slips.
-_BARE = "there is no material, as material.mass_ratio is 0"
-_NOT_RANDOM = "nothing is random, as nothing disturbs the start"
 
 
 class UsualRange(NamedTuple):
@@ -133,7 +123,8 @@ def notes_on_plan(scene: Scene, kind: str) -> list[str]:
     class, so none is derived from the torque.
     """
     plan = getattr(scene, kind, None)
-    notes = _without_effect(scene, kind)
+    notes = [*set_in_vain(scene.set_keys, kind, plan), *_without_effect(scene, kind)]
+    notes += _no_effect({key: why for key, why in unread_by_study(scene, kind).items() if key in scene.set_keys})
     varied = str({} if plan is None else plan.model_dump(exclude={"parameter_tolerances"}, exclude_none=True))
     sizes = dict.fromkeys(re.findall(r"[\w.]+\.(?:critical_torque_n_m|rated_power_w)\b", varied))
     if not sizes or INERTIA in varied:
@@ -166,31 +157,32 @@ def _without_effect(scene: Scene, kind: str) -> list[str]:
         notes.append(f"{WARNING}{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
     varied = str(plan.model_dump(exclude_none=True))
     keys = set(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
-    if keys & {"material.mass_ratio", "material.layers", "contact.model"}:
+    if keys & {"material.mass_ratio", "material.mass_kg", "material.layers", "contact.model", "contact.restitution"}:
         return notes
-    return [*notes, *_no_effect({key: why for key, why in _unread_keys(scene).items() if key in keys})]
+    return [*notes, *_no_effect({key: why for key, why in unread_by_scene(scene).items() if key in keys})]
 
 
 def _given_in_vain(scene: Scene, *, of_run: bool) -> list[str]:
     """Return the notes on keys that are given and that a scene does not read; a bare platform may be meant."""
-    bare_is_meant = not scene.material.mass_ratio and "mass_ratio" in scene.material.model_fields_set
-    unread = {}
-    for key, why in _unread_keys(scene).items():
+    bare_is_meant = not scene.material.is_there and bool({"mass_ratio", "mass_kg"} & scene.material.model_fields_set)
+    set_over, unread = {}, {}
+    for key, why in unread_by_scene(scene).items():
         section, _, name = key.partition(".")
         model = getattr(scene, section)
         if model is None or name not in model.model_fields_set:
             continue
-        is_told = of_run if section == "run" else not bare_is_meant  # studies have seeds of their own
-        if is_told and getattr(model, name) != type(model).model_fields[name].default:
+        if section == "run" and not of_run:  # studies have seeds of their own
+            continue
+        if key in scene.set_keys:
+            set_over[key] = why
+        elif not bare_is_meant and why != INELASTIC and getattr(model, name) != type(model).model_fields[name].default:
             unread[key] = why
-    return _no_effect(unread, HINT)
+    return [*_no_effect(set_over), *_no_effect(unread, HINT)]
 
 
-def set_in_vain(keys: Iterable[str], command: str) -> list[str]:
-    """Return the notes on keys that are set for a command whose result does not depend on them."""
-    others, of_runs = unused_sections(command) & KINDS.keys(), () if command == "run" else _OF_RUNS
-    vain = [key for key in keys if key.partition(".")[0] in others or key in of_runs]
-    return [f"{WARNING}no effect of {key} on {command}" for key in vain]
+def set_in_vain(keys: Iterable[str], command: str, plan: BaseModel | None = None) -> list[str]:
+    """Return the notes on keys that are set for a command, or a study with a plan, and do not change its result."""
+    return [f"{WARNING}no effect of {key} on {command}{why}" for key, why in unread_by_command(keys, command, plan)]
 
 
 def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str]:
@@ -200,31 +192,9 @@ def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str
     """
     notes = []
     for why in dict.fromkeys(unread.values()):
-        begin = WARNING if why in (_BARE, _NOT_RANDOM) else of_choices
+        begin = WARNING if why in (BARE, NOT_RANDOM) else of_choices
         notes.append(f"{begin}no effect of {', '.join(key for key in unread if unread[key] == why)}: {why}")
     return notes
-
-
-def _unread_keys(scene: Scene) -> dict[str, str]:
-    """Name the keys that a scene does not read, with the reason."""
-    material, contact = scene.material, scene.contact
-    unread = {}
-    if not scene.start_perturbation:
-        unread["run.seed"] = _NOT_RANDOM
-    of_layers = {f"material.{name}": "material.layers is 1" for name in _OF_TWO_LAYERS}
-    if material.layers == 1:
-        unread |= of_layers
-    without_impacts = {"contact.viscous_per_mass_per_s", "contact.added_mass_share"}
-    if contact.model == "impact":
-        unread |= dict.fromkeys(without_impacts, "contact.model is impact")
-    else:
-        read = {"contact.model", *without_impacts}
-        every = {*of_layers, "material.layers", *(f"contact.{name}" for name in Contact.model_fields)}
-        unread |= dict.fromkeys(sorted(every - read), "contact.model is non-impact")
-    if not material.mass_ratio:
-        every = {f"{name}.{key}" for name in _OF_MATERIAL for key in _OF_MATERIAL[name].model_fields}
-        unread |= dict.fromkeys(sorted(every - {"material.mass_ratio"}), _BARE)
-    return unread
 
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:
@@ -240,7 +210,7 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
     sag = weight / machine.stiffness_y_n_per_m
     yield UsualRange(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
-    yield UsualRange(material.mass_ratio, 0.0, 5.0, "", ("material.mass_ratio",))
+    yield UsualRange(scene.mass_ratio, 0.0, 5.0, "", ("material.mass_ratio",))
     ratio = _damping_ratio(scene.layer_spring[1], scene.layer_spring[0], 1.0)
     keys = ("material.damping_ratio", "material.damping_n_s_per_m")
     yield UsualRange(ratio, 0.0, 1.0, "", keys, "damping ratio {} of the layers")

@@ -17,7 +17,7 @@ from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning
 from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
-from vibroplat.config.schema import MINUS, in_lists, sections, short
+from vibroplat.config.schema import MINUS, in_lists, or_thousands, sections, short
 from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
 from vibroplat.config.study_plans import PLANS
 from vibroplat.errors import ConfigError
@@ -36,8 +36,6 @@ _ABOUT_A_KEY = re.compile(r"unknown key (?:[\w.]+\.)?(?P<last>\w+)(?=;)|(?:[\w.]
 KEY = re.compile(r"[^\W\d][\w .-]{0,79}")
 #: A number that YAML reads as text.
 DECIMAL_COMMA = re.compile(r"[-+−]?\d+,\d+")
-#: One whose comma may separate thousands.
-THOUSANDS = re.compile(r"[-+−]?[1-9]\d{0,2},\d{3}")
 #: A number as in YAML 1.2, of which the parser reads some as text.
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -139,10 +137,6 @@ def parse_overrides(settings: Iterable[str], engine: str | None = None) -> dict[
         key, equals, text = setting.partition("=")
         if not equals or not all(key.strip().split(".")):
             raise ConfigError(f"--set {setting!r}; allowed: key.sub=value")
-        if DECIMAL_COMMA.fullmatch(text.strip()):
-            point, whole = text.strip().replace(",", "."), text.strip().replace(",", "")
-            thousands = f", or {whole} without a separator of thousands" if THOUSANDS.fullmatch(text.strip()) else ""
-            raise ConfigError(f"--set {setting.strip()}: a decimal comma; allowed: a point, {point}{thousands}")
         overrides[key.strip()] = _parse(text, f"--set {key.strip()}")
     if engine is not None:
         named, given = _parse(engine, "--engine"), flat(overrides)
@@ -250,14 +244,15 @@ def _require_number(node: Any, source: str) -> None:
     """Refuse what looks like a number, and is none or another one: decimal commas, and underscores between digits."""
     plain = node.value if isinstance(node, ScalarNode) and node.style is None else ""
     if DECIMAL_COMMA.fullmatch(plain):
-        raise _decimal_comma(node, source)
+        raise _decimal_comma(node, source, plain)
     if "_" in plain and str(node.tag).endswith((":int", ":float")):
         number = plain.replace("_", "")
         raise ConfigError(f"{source}: {plain} in line {node.start_mark.line + 1}; allowed: {number}")
 
 
-def _decimal_comma(node: Any, source: str) -> ConfigError:
-    return ConfigError(f"{source}: a decimal comma in line {node.start_mark.line + 1}; allowed: a point, as in 51.5")
+def _decimal_comma(node: Any, source: str, text: str = "51,5") -> ConfigError:
+    meant = f"{text.replace(',', '.')}{or_thousands(text)}"
+    return ConfigError(f"{source}: a decimal comma in line {node.start_mark.line + 1}; allowed: a point, as in {meant}")
 
 
 def add_line(message: str, text: str) -> str:

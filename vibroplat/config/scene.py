@@ -8,7 +8,7 @@ scales) are properties; their docstrings give the symbols of the equations.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -114,6 +114,11 @@ class Scene(Section):
         self.__dict__.update(info.context or {})
         require_consistent(self)
         return self
+
+    @cached_property
+    def set_keys(self) -> tuple[str, ...]:
+        """Keys that were set over those of a file, by ``--set`` or ``overrides``; one without effect is told."""
+        return ()
 
     # -- structure of the scene -------------------------------------------------------------------------
 
@@ -424,7 +429,8 @@ class Scene(Section):
             changed, known = changed | EXCITERS_FROM, {}
         present = ((name, getattr(self, name)) for name in self.model_fields_set)
         tree = {name: _plain(section) if name in changed else section for name, section in present}
-        return Scene._checked(merge(merge(tree, given), nested), {name: known[name] for name in _FOUND & known.keys()})
+        kept = {"set_keys": self.set_keys} | {name: known[name] for name in _FOUND & known.keys()}
+        return Scene._checked(merge(merge(tree, given), nested), kept)
 
     def inspect(self) -> dict[str, float | str]:
         """Find what follows from this scene without a run; see :class:`vibroplat.inspection.values.Inspection`."""
@@ -440,15 +446,17 @@ class Scene(Section):
         return tree
 
     @classmethod
-    def from_tree(cls, tree: Mapping[str, Any]) -> Scene:
+    def from_tree(cls, tree: Mapping[str, Any], set_keys: Iterable[str] = ()) -> Scene:
         """Build a scene from nested plain values, as a configuration file holds them.
+
+        Notes name those of ``set_keys``, dotted keys that were set over the file's, which have no effect.
 
         Raises
         ------
         vibroplat.errors.ConfigError
             One line with the key, the value and what is allowed.
         """
-        return cls._checked(tree)
+        return cls._checked(tree, {"set_keys": tuple(set_keys)})
 
     @classmethod
     def _checked(cls, tree: Mapping[str, Any], known: Mapping[str, Any] | None = None) -> Scene:

@@ -13,6 +13,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args, get_ori
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from vibroplat.columns import unit_of
+
 #: No physical quantity in SI units lies outside these limits; products of numbers inside them stay finite.
 MIN_SIZE, MAX_SIZE = 1e-30, 1e30
 
@@ -57,6 +59,11 @@ _SPELT = str.maketrans(
 )
 #: The minus sign of printed numbers, and the dash that word processors make of a hyphen.
 MINUS, DASH = "−", "–"
+#: A number as people write it, with a unit behind it; and one whose comma may separate thousands.
+_WRITTEN = re.compile(
+    r"\s*(?P<number>[-+−–]?\s?[\d.,\s'’_]*\d\.?(?:[eE][-+−–]?\d+)?)\s*(?P<unit>[^\W\d_].{0,11}|[%°])?\s*"
+)
+_THOUSANDS = re.compile(r"[-+−]?[1-9]\d{0,2},\d{3}")
 _NAMES = {
     NAME: "letters, digits and . _ + -, starting with a letter or digit",
     POINT_NAME: "at most 40 letters of English, digits and _, starting with a letter",
@@ -210,15 +217,16 @@ def _allowed(error: ErrorDetails) -> str:
         like = _name_like(given, limits["pattern"])
         example = f"name: {like}" if limits["pattern"] == NAME else like
         return f"{_NAMES[limits['pattern']]}{like and f', as {example}'}"
-    meant = _number_meant(given) if error["type"] in ("float_type", "int_type") else ""
-    if meant and (error["type"] == "float_type" or float(meant).is_integer()):
-        return f"{_ALLOWED[error['type']]}, as {meant}"
+    is_fraction = error["loc"][:2] == ("design", "parameter_tolerances")
+    if error["type"] in ("float_type", "int_type"):
+        names = [] if is_fraction else [part for part in error["loc"] if isinstance(part, str)]
+        return number_instead(given, names, _ALLOWED[error["type"]])
     if error["type"] == "string_type" and isinstance(given, int | float):
         return f'text, as "{short(given)}" in quotation marks'
     template = _ALLOWED.get(error["type"])
     allowed = template.format(**limits) if template else error["msg"]
-    is_fraction = error["loc"][:2] == ("design", "parameter_tolerances") and isinstance(given, float | int)
-    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_fraction and 1.0 < given <= 100.0 else allowed
+    is_percentage = is_fraction and isinstance(given, float | int) and 1.0 < given <= 100.0
+    return f"{allowed}; {given:g} % is {given / 100.0:g}" if is_percentage else allowed
 
 
 def _name_like(given: str, pattern: str) -> str:
@@ -230,11 +238,31 @@ def _name_like(given: str, pattern: str) -> str:
     return re.sub(r"[^A-Za-z0-9]+", "_", plain).lstrip("_0123456789")[:40].rstrip("_")
 
 
-def _number_meant(given: Any) -> str:
-    """Return the number that a text may mean: with another minus, decimal comma or separators; "" if it is none."""
-    if not isinstance(given, str):
-        return ""
-    text = re.sub(r"[\s'’_]", "", given.replace(MINUS, "-").replace(DASH, "-"))
+def number_instead(given: Any, names: Sequence[str], kind: str = "a number") -> str:
+    """Say which number is allowed instead of a text, of which kind, and in the unit that the last of some names has."""
+    match = _WRITTEN.fullmatch(given) if isinstance(given, str) else None
+    number, unit = (_plain_number(match["number"]), match["unit"] or "") if match else ("", "")
+    own = next(filter(None, map(unit_of, reversed(names))), "")
+    if not number or (kind == _ALLOWED["int_type"] and not float(number).is_integer()):
+        return kind
+    if unit == "%" and not own:
+        return f"{kind}, as {float(number) / 100.0:g}"
+    if unit and own and _same_letters(unit) != _same_letters(own):
+        return f"{kind} in {own}, not in {unit}"
+    text = f"{number}{or_thousands(match['number'].strip())}" if match else number
+    if not unit:
+        return f"{kind}, as {text}"
+    return f"{kind} without its unit, as {text}" + (f"; that of the key is {own}" if own else "")
+
+
+def _same_letters(unit: str) -> str:
+    """Return a unit without signs of products and powers, superscripts as digits: N·m, Nm and N m are the same."""
+    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKC", unit)).casefold()
+
+
+def _plain_number(text: str) -> str:
+    """Return a number as Python reads it: without another minus, decimal comma or separators; "" if it is none."""
+    text = re.sub(r"[\s'’_]", "", text.replace(MINUS, "-").replace(DASH, "-"))
     if text.count(",") == 1 and text.rfind(".") < text.find(","):
         text = text.replace(".", "").replace(",", ".")
     text = text.replace(",", "")
@@ -242,6 +270,12 @@ def _number_meant(given: Any) -> str:
         return text if math.isfinite(float(text)) else ""
     except ValueError:
         return ""
+
+
+def or_thousands(text: str) -> str:
+    """Say what a number is without a separator of thousands, if its comma may be one; "" otherwise."""
+    whole = text.replace(",", "")
+    return f", or {whole} without a separator of thousands" if _THOUSANDS.fullmatch(text) else ""
 
 
 def did_you_mean(wrong: str, known: Collection[str], most: int = 1) -> str:

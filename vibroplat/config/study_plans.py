@@ -14,7 +14,7 @@ from vibroplat.config.circular import beyond, bound_scale, require_turn
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.fit_plan import FitPlan
 from vibroplat.config.plans import OrbitsPlan, ParameterRange, SweepPlan, may_vary
-from vibroplat.config.schema import MAX_SIZE, MINUS, Fraction, Positive, Real, Section, did_you_mean
+from vibroplat.config.schema import MAX_SIZE, MINUS, Fraction, Positive, Real, Section, did_you_mean, number_instead
 from vibroplat.config.sections import PHASES
 
 #: Prefix of the keys of initial conditions, and all such keys.
@@ -116,6 +116,19 @@ DEFAULT_TOLERANCE = 1e-5
 COMPARISON = re.compile(r"\s*([A-Za-z]\w*)\s*(>=|<=|>|<)\s*([-+−]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
 
+def comparison(text: str) -> tuple[str, str, float] | None:
+    """Return the column, how it is compared, and the number of a text; None if it is no comparison."""
+    match = COMPARISON.fullmatch(text)
+    return match and (match[1], match[2], float(match[3].replace(MINUS, "-")))
+
+
+def _hint(text: str) -> str:
+    """Say which number a text that is no comparison may mean; "" if it has none."""
+    column, _, number = re.sub("[<>]=?", "\n", text, count=1).partition("\n")
+    instead = number_instead(number, [column.strip()])
+    return "" if instead == "a number" else f"; {instead}"
+
+
 class FindPlan(Section, title="Find", populate_by_name=True):
     """A key, and the outcome whose change is searched for."""
 
@@ -160,8 +173,10 @@ class FindPlan(Section, title="Find", populate_by_name=True):
             raise ValueError(f"scale = log but start = {self.start}; allowed: a start above 0")
         if not (may_vary(self.key) or self.key.startswith("run.initial.")):
             raise ValueError(f"key = {self.key!a} cannot be varied; allowed: keys of machine, material, …, run.initial")
-        if self.expression is not None and COMPARISON.fullmatch(self.expression) is None:
-            raise ValueError(f"expression = {self.expression!a}; allowed: column > number, or >=, <, <=")
+        if self.expression is not None and self.compared is None:
+            raise ValueError(
+                f"expression = {self.expression!r}; allowed: column > number, or >=, <, <={_hint(self.expression)}"
+            )
         if self.compared is not None:
             require_turn(f"expression = {self.expression!a}", self.compared[0], self.compared[2])
         return self
@@ -174,8 +189,7 @@ class FindPlan(Section, title="Find", populate_by_name=True):
     @property
     def compared(self) -> tuple[str, str, float] | None:
         """Column, comparison and number of the expression."""
-        match = COMPARISON.fullmatch(self.expression or "")
-        return match and (match[1], match[2], float(match[3].replace(MINUS, "-")))
+        return comparison(self.expression or "")
 
     @property
     def of_motion(self) -> bool:
@@ -234,7 +248,10 @@ class DesignPlan(Section, title="Design"):
                 raise ValueError(f"keys.{key} = [{low}, {high}] is empty; allowed: [low, high] with low below high")
         for measure, text in self.constraints.items():
             if not (self.bound(measure)[0] and abs(self.bound(measure)[1]) <= MAX_SIZE):
-                raise ValueError(f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"')
+                hint = _hint(f"{measure} {text}")
+                raise ValueError(
+                    f'constraints.{measure} = {text!r} is no bound; allowed: ">= NUMBER" or "<= NUMBER"{hint}'
+                )
             for limit in (self.bound(measure)[1], *self.pareto.get(measure, ())):
                 require_turn(f"constraints.{measure}", measure, limit)
         if self.minimize is not None and is_angle(self.minimize):
@@ -259,12 +276,8 @@ class DesignPlan(Section, title="Design"):
 
     def bound(self, measure: str) -> tuple[float, float]:
         """Return 1 if a bound is the minimum of its measure, −1 if the maximum, 0 if it is no bound; and its value."""
-        match = COMPARISON.fullmatch(f"{measure} {self.constraints[measure]}")
-        return (
-            (0.0, 0.0)
-            if match is None
-            else ({">=": 1.0, "<=": -1.0}.get(match[2], 0.0), float(match[3].replace(MINUS, "-")))
-        )
+        _, how, limit = comparison(f"{measure} {self.constraints[measure]}") or ("", "", 0.0)
+        return {">=": 1.0, "<=": -1.0}.get(how, 0.0), limit
 
     def keeps(self, measure: str, values: Any) -> Any:
         """Return whether values of a measure satisfy its bound."""

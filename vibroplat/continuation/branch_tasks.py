@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from vibroplat.columns import Column, Columns
 from vibroplat.config.circular import wrap
-from vibroplat.config.engine_choice import with_second_engine
+from vibroplat.config.engine_choice import chosen_engine, other_engine, with_second_engine
 from vibroplat.config.plans import OrbitsPlan
 from vibroplat.config.scene import Scene
-from vibroplat.continuation.arclength import Branch
+from vibroplat.continuation.arclength import LAW_JUMPS, Branch
 from vibroplat.continuation.first_orbit import MissedOrbitError, OrbitError, first_orbit
 from vibroplat.continuation.locate import find_special_points
 from vibroplat.continuation.newton import NoConvergenceError, Problem, correct
@@ -169,7 +169,7 @@ def compute_part(scene: Scene, plan: OrbitsPlan, begin: Record | None, known: Kn
         finally:
             shooter.give_back()
 
-    return with_second_engine(scene, compute, lambda record: record["missed"])
+    return with_second_engine(scene, compute, lambda record: record["missed"], reason=lambda record: (record, "ended"))
 
 
 def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, known: KnownPoints) -> Record:
@@ -215,7 +215,7 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
         take()
     while len(taken) < limit and not record["ended"]:
         if not branch.extend(look):
-            record["ended"], record["failed"] = branch.ended, True
+            record["ended"], record["failed"] = _with_engine(branch.ended, shooter.scene), True
             break
         if ends:
             beyond = "half the period beyond" if ends[0].kind == DOUBLING else "mirror image beyond"
@@ -227,6 +227,13 @@ def _compute_with(shooter: Shooter, plan: OrbitsPlan, begin: Record | None, know
     # one after the other, which takes two thirds of the time of each as its point is taken
     record["rows"] = [_row(branch.problem, *each) for each in taken]
     return record
+
+
+def _with_engine(ended: str, scene: Scene) -> str:
+    """Say which engine has ended a branch midway, and which may go on, unless the law of impact ended it."""
+    engine = chosen_engine(scene)
+    hint = f"; engine {engine} ended it, solver.engine = {other_engine(engine)} may go on"
+    return ended if ended.endswith(LAW_JUMPS) else ended + hint
 
 
 def _steps(plan: OrbitsPlan) -> list[float]:

@@ -16,7 +16,7 @@ from vibroplat.columns import TEXT, Column, Columns, sync_name, unit_of
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
-from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input
+from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input, set_in_vain
 from vibroplat.config.scene import Scene
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
@@ -190,7 +190,7 @@ def inspect(scene: Scene) -> Inspection:
 
     What overflows with extreme values is no number, and shown as such.
     """
-    notes = notes_on_input(scene)
+    notes = [*set_in_vain(scene.set_keys, "inspect"), *notes_on_input(scene)]
     scene = balance.while_run(scene)
     supply = balance.final_supply(scene)
     starts = (

@@ -17,8 +17,8 @@ from vibroplat.config.arguments import TrueOrKeys, validated
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, percent, quantity
-from vibroplat.config.engine_choice import FAILED, engines_to_try
-from vibroplat.config.plausibility import WARNING, notes_on_input
+from vibroplat.config.engine_choice import FAILED, both_reasons, engines_to_try
+from vibroplat.config.plausibility import WARNING, notes_on_input, set_in_vain
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.state import CUBIC, Automaton, empty_steps, force_noise, static_rest
@@ -179,12 +179,16 @@ def simulate(
     start = initial_condition(scene) if start is None else start
     makers = _makers(scene, run=keys is None) if engine is None else [engine]
     files = [file for file in sink or () if isinstance(file, TableFile)]
+    reasons = list[str]()
     for maker in makers if files or sink is None else makers[:1]:
         for file in files:
             file.clear()
         run = _simulate(scene, maker, start, Recorder(scene, keep, sink), keys, progress)
         if run.outcome not in FAILED:
             break
+        reasons.append(run.summary["detail"])
+    if len(reasons) > 1:
+        run.summary["detail"] = both_reasons(engines_to_try(scene, run=keys is None), *reasons)
     return run
 
 
@@ -304,6 +308,7 @@ def _notes(scene: Scene, summary: Mapping[str, Any], left: Sequence[Transient], 
         drift(summary) if all(scene.driven(summary["measured_from_s"], summary["measured_to_s"])) else "",
         change(scene, summary, begin),
         symmetry(scene, {axis: summary[f"whole_stroke_{axis}_m"] for axis in "xy"}, begin, begin + seconds),
+        *set_in_vain(scene.set_keys, "run"),
         *notes_on_input(scene, ends=begin + scene.run.duration_s),
         stiffness(scene, summary["engine"], summary["steps"], summary["restarts"], seconds),
     )

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from vibroplat.config.loading import load_config
-from vibroplat.config.reader import configurations, flat, load_list, load_tree
+from vibroplat.config.reader import configurations, flat, load_list, load_tree, nest
 from vibroplat.config.scene import Scene
 from vibroplat.errors import ConfigError
 
@@ -58,7 +58,7 @@ def paper_scene(name: str, numbers: Mapping[str, Any], changes: Mapping[str, Any
     laid = {**numbers, **(changes or {})}
     if "sweep" not in load_tree(path):
         laid = {key: value for key, value in laid.items() if not key.startswith("sweep.")}
-    return load_config(path, laid)
+    return load_config(path, nest(laid))
 
 
 def claims() -> list[dict[str, Any]]:

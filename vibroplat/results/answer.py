@@ -101,9 +101,9 @@ def first_failures(lines: Sequence[str], total: str = "") -> list[str]:
     return [*lines[:MAX_FAILURES], *([last] if lines and last else [])]
 
 
-def short_line(label: str, value: str, more: str = "") -> str:
+def short_line(label: str, value: str, more: str = "", width: int = LABEL) -> str:
     """Return a short line: a label, a value, and those of the remarks that qualify it for which there is room."""
-    return fitting(f"{label:<{LABEL - 2}}  {value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2)
+    return fitting(f"{label:<{width - 2}}  {value:<{VALUE - 2}}  ", more.split("; "), WIDEST - 2 + width - LABEL)
 
 
 def fitting(begin: str, remarks: Iterable[str], width: int = WIDEST) -> str:

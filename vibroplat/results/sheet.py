@@ -14,7 +14,7 @@ from vibroplat.config.scene import Scene
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.report.data_sheet import columns
 from vibroplat.report.summary import synchronization
-from vibroplat.results.answer import Numbers, are_alike, counted, of_both, short_line
+from vibroplat.results.answer import LABEL, Numbers, are_alike, counted, of_both, short_line
 from vibroplat.results.run_answer import (
     SETTLED,
     limit_text,
@@ -437,7 +437,9 @@ def short_lines(sheet: Sheet) -> list[str]:
     """Return the few lines below the headline; none of a run that measured nothing."""
     left = len(sheet.groups.get(POINTS, [])) - MAX_POINTS
     more = [f"and {counted(left, 'more point')}: -v"] if left > 0 else []
-    return [*(short_line(*one) for one in sheet.short()), *more]
+    rows = [(label, value, "".join(remarks)) for label, value, *remarks in sheet.short()]
+    width = max([LABEL, *(len(label) + 2 for label, *_ in rows)])  # names of points may be long
+    return [*(short_line(*row, width) for row in rows), *more]
 
 
 def all_lines(sheet: Sheet, origin: Mapping[str, Any] | None) -> dict[str, str]:

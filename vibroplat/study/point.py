@@ -180,7 +180,12 @@ def measure_point(scene: Scene, plan: SweepPlan, state: list[float] | None, key:
     SweepPoint
         With outcome ``out-of-memory`` if there is not enough for it.
     """
-    return with_second_engine(scene, lambda tried: _measure_by_engine(tried, plan, state, key), has_failed)
+    return with_second_engine(
+        scene,
+        lambda tried: _measure_by_engine(tried, plan, state, key),
+        has_failed,
+        reason=lambda point: (point.row, "detail"),
+    )
 
 
 def has_failed(point: object) -> bool:

@@ -25,6 +25,7 @@ from vibroplat.errors import ConfigError, TableError
 from vibroplat.results.files import STORE
 from vibroplat.results.locks import Lock, share
 from vibroplat.study.fingerprint import NAMES
+from vibroplat.system.interrupts import offer_resume_now
 
 #: Version of its contents; files of other versions are refused.
 FORMAT = 3
@@ -188,6 +189,8 @@ class Store:
         row = (chain, index, task, text.decode(), digest(chain, index, task, text))
         with self._complaints(), self._base:
             self._base.execute("INSERT OR REPLACE INTO records VALUES (?, ?, ?, ?, ?)", row)
+        if self._path != ":memory:":
+            offer_resume_now()
 
     def get(self, chain: int | str, index: int, task: str) -> Record | None:
         """Return the record at a place of a chain; None if there is none, or if it is the record of another task.

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from vibroplat.columns import Columns
 from vibroplat.config.arguments import instance_of, validated
 from vibroplat.config.engine_choice import engine_note
-from vibroplat.config.plausibility import by_severity
+from vibroplat.config.plausibility import by_severity, notes_on_inputs, notes_on_plan
 from vibroplat.config.scene import Scene, SceneArgument
 from vibroplat.integrate import engine_name
 from vibroplat.results.result import Result
@@ -90,6 +90,10 @@ class Study(ABC):
         """Return in words how these scenes differ, or nothing if their notes say it."""
         return ()
 
+    def input_notes(self) -> list[str]:
+        """Return the notes on the study's input: unusual numbers, defaults, and keys without effect."""
+        return [*notes_on_inputs(self.scenes(), self.places()), *notes_on_plan(self.scene, self.kind)]
+
     @abstractmethod
     def chains(self, store: Store) -> int:
         """Return the largest number of unfinished chains of tasks that run side by side."""
@@ -124,9 +128,9 @@ def configuration_text(scene: Scene, kind: str) -> str:
     return text.getvalue()
 
 
-def note_computation(result: Result, notes: Sequence[str] = ()) -> None:
-    """Add notes to those of a result, the most severe first, below that on the engine which computed it."""
-    others = by_severity([*result.answer.notes, *notes])
+def note_computation(study: Study, result: Result) -> None:
+    """Add those of a study to the notes of its result, the most severe first, below that on the engine."""
+    others = by_severity([*result.answer.notes, *study.input_notes()])
     result.answer = result.answer._replace(notes=[engine_note(engine_name(result.scene)), *others])
 
 
@@ -180,5 +184,5 @@ def run_study(kind: Callable[[Scene], Study], scene: Scene, **options: Unpack[Op
     with Store(None, {}) as store, pool(*where, chains=study.chains(store)) as workers:
         result = study.run(store, workers, progress)
         result.tables.make_all()  # while there is a store
-        note_computation(result)
+        note_computation(study, result)
         return result

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-#: What remains of a command that was stopped, and of one with an option ``--resume``.
+#: What remains of a command that was stopped, and of one with finished points and an option ``--resume``.
 KEPT = "this command has written no result, earlier ones are complete"
 RESUMABLE = f"{KEPT}; --resume continues from the finished points"
 #: Seconds during which further requests are ignored while the stack is unwound.
@@ -46,7 +46,7 @@ class _Ending:
     open = 0
     #: Contexts that look for requests themselves.
     watching = 0
-    #: Whether the command has an option ``--resume``; None in a program, which has no command.
+    #: Whether the command can be continued by ``--resume``; None in a program, which has no command.
     resumable: bool | None = None
     #: The signal that came, and when.
     signal: int | None = None
@@ -66,8 +66,13 @@ def end_at_signals() -> None:
 
 
 def offer_resume(offered: bool | None) -> None:
-    """Say whether the command has an option ``--resume``, None without a command; messages promise it only then."""
+    """Say whether ``--resume`` can continue the command, None without a command; messages promise it only then."""
     _Ending.resumable = offered
+
+
+def offer_resume_now() -> None:
+    """Let a command promise ``--resume`` from now on, as a finished point is stored; a program promises nothing."""
+    _Ending.resumable = None if _Ending.resumable is None else True
 
 
 def records_kept() -> str:

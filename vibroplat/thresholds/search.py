@@ -29,7 +29,7 @@ from vibroplat.study.point import failed_record
 from vibroplat.study.pool import Pool, StoredChain, Task, Tasks, run_stored
 from vibroplat.study.store import Record, Store
 from vibroplat.study.study import Progress
-from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful
+from vibroplat.thresholds.distinct import Indistinct, Pair, indistinct, is_doubtful, repeat_outward
 from vibroplat.thresholds.evidence import (
     FIRST_STARTS,
     MAX_ROUNDS,
@@ -122,9 +122,8 @@ class ThresholdSearch:
             return self._scan_outward()
         scan = self._run("scan", [self._single(at, "scan") for at in self.plan.over.upward])
         changes = self._changes(scan)
-        places = self._places_of_seeds(changes) if self.disturbed else []
-        others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in places])
-        if others and not any(map(self._is_doubtful, changes)):
+        if self.disturbed and not any(map(self._is_doubtful, changes)):
+            others = self._run("seed", [self._single(at, "seed", next(self._seeds)) for at in self._places.between()])
             every = self._changes(sorted([*scan, *others], key=lambda value: value.value))
             if not changes or any(map(self._is_doubtful, every)):  # what the seed of the scene alone does not show
                 changes = every
@@ -136,12 +135,15 @@ class ThresholdSearch:
             narrowed = self._run("border", [self._bisect(*change) for change in left])
         thresholds = [threshold for threshold in (*located, *narrowed) if threshold is not None]
         self.indistinct = indistinct(thresholds, [*scan, *self.evaluated], self.plan)
+        if self.indistinct is not None and self.disturbed:
+            ways = self.indistinct.outward([*scan, *self.evaluated])
+            self._run("side", [self._repeat_outward(way) for way in ways])
+            self.indistinct = indistinct(thresholds, [*scan, *self.evaluated], self.plan)
         return scan, thresholds
 
-    def _places_of_seeds(self, changes: Sequence[Pair]) -> list[float]:
-        """Return where starts have other seeds: beside chaos at sides of its changes, otherwise all over the range."""
-        sides = dict.fromkeys(end.value for change in changes if self._is_doubtful(change) for end in change)
-        return list(sides)[:: math.ceil(len(sides) / VALUES_BETWEEN)] if sides else self._places.between()
+    def _repeat_outward(self, way: Sequence[ScanPoint]) -> Tasks[tuple[bool, list[ScanPoint]]]:
+        seeds = count(VALUES_BETWEEN + 1)
+        return repeat_outward(way, lambda at: self._value(at, "seed", other=next(seeds)), self.plan)
 
     def _is_doubtful(self, change: Pair) -> bool:
         """Whether attractors are compared, and those on both sides of a change cannot be told apart."""

@@ -186,7 +186,7 @@ class ThresholdStudy(Study):
         """Return the headline and the lines below it where attractors cannot be told apart."""
         key = column_of(self.plan.key)
         lines = ["ask for the synchronization instead: find.compare: regime"]
-        asked = ", ".join(measures_to_ask(found, every)[:MAX_LISTED])
+        asked = ", ".join(measures_to_ask(found, every, self.plan)[:MAX_LISTED])
         if asked:
             lines.append(f"or for a measure, find.expression: {asked}")
         narrowed = []
