@@ -199,7 +199,7 @@ def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str
 
 def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
-    machine, material, drive, initial = scene.machine, scene.material, scene.drive, scene.run.initial
+    machine, drive, initial = scene.machine, scene.drive, scene.run.initial
     oscillators = scene.oscillators.T.tolist()
     for (axis, spring, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
         frequency = math.sqrt(stiffness / mass) / TURN if stiffness > 0.0 else None
