@@ -90,7 +90,7 @@ def test_help_names_the_commands_and_h_is_short_for_it(command):
 
 def test_options_and_their_values_are_completed(command):
     """As bash asks for them."""
-    for words, offered in ((("sweep", "x.yaml", "--j"), "--jobs"), (("plot", "DIR", "--kind", "f"), "force")):
+    for words, offered in ((("sweep", "x.yaml", "--j"), "--jobs"), (("plot", "DIR", "--kind", "for"), "force")):
         asked = {"_VIBROPLAT_COMPLETE": "complete_bash", "COMP_WORDS": " ".join(("vibroplat", *words))}
         asked["COMP_CWORD"] = str(len(words))
         line = [sys.executable, "-c", script()]

@@ -314,7 +314,7 @@ def test_keys_that_are_set_are_told_where_a_study_varies_them_or_a_bare_platform
     setting = {"drive.supply_frequency_hz": 50.0, "material.stiffness_n_per_m": 9.0, "material.mass_ratio": 0.0}
     scene = load_config(QUICKSTART, setting | {"contact.restitution": 0.0})
     bare = f"{WARNING}no effect of contact.restitution, material.stiffness_n_per_m: there is no material, as "
-    assert [note for note in notes_on_input(scene) if "restitution" in note] == [f"{bare}material.mass_ratio is 0"]
+    assert [note for note in notes_on_input(scene) if "restitution" in note] == [f"{bare}its mass is 0"]
     for kind, section, varied in (
         ("sweep", {"supply_frequency_hz": {"start": 50.0, "stop": 51.0}, "grid": {}}, ["drive.supply_frequency_hz"]),
         ("find", {"key": "drive.supply_frequency_hz", "start": 50.0, "stop": 51.0}, ["drive.supply_frequency_hz"]),

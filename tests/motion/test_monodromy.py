@@ -56,7 +56,7 @@ def test_a_motion_that_ended_early_has_none(scene):
         ConfigError, match=r"^this run ended early \(too-many-events\); the derivative of its end is not known"
     ):
         _ = simulate(storm, variation=True).monodromy
-    with pytest.raises(MotionError, match=r"^the motion ended early \(too-many-events\): "):
+    with pytest.raises(MotionError, match=r"^engines taylor and native: the motion ended early \(too-many-events\): "):
         variation(storm)
 
 

@@ -95,7 +95,7 @@ def test_what_never_changes_is_an_answer(expression, told):
 @pytest.mark.parametrize(
     ("plan", "told"),
     [
-        ({"key": "material.mass"}, "find: unknown key material.mass; did you mean mass_ratio?"),
+        ({"key": "material.mass"}, "find: unknown key material.mass; did you mean mass_kg?"),
         ({"start": 0.6}, "find: stop = 0.6 is not above start = 0.6"),
         ({"scale": "log", "start": 0.0}, "find: scale = log but start = 0.0"),
         ({"key": "sweep.seed"}, "find: key = 'sweep.seed' cannot be varied"),

@@ -6,6 +6,7 @@ Taylor series of the same DAE (``taylor``), unless the scene is stiff. Where one
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -104,8 +105,12 @@ def with_second_engine(
 
 
 def both_reasons(engines: Sequence[str], first: str, second: str) -> str:
-    """Say why two engines have failed, the first one without the state at which it did."""
-    if first == second:
+    """Say why two engines have failed, the first one without the state at which it did.
+
+    They have one reason if they differ in numbers alone.
+    """
+    one, other = (re.sub(r"[-\d.e]+", "", text.partition(", state [")[0]) for text in (first, second))
+    if one == other:
         return f"engines {' and '.join(engines)}: {first}"
     return f"engine {engines[0]}: {first.partition(', state [')[0]}; engine {engines[1]}: {second}"
 
