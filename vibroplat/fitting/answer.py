@@ -46,7 +46,7 @@ def answer_of(plan: FitPlan, keys: Sequence[Row], searches: Sequence[Row], found
     }
     shown = [f"{display_name(row['key'].rpartition('.')[2])} {_value(row)}" for row in keys if row["determined"]]
     head = "; ".join(one.partition(", was")[0] for one in shown[:2]) or "the data determine none of the keys"
-    return Answer(lines, notes=[*_notes(keys, parts, same, len(searches))], headline=head, short=short)
+    return Answer(lines, notes=[*_notes(keys, found, same, len(searches))], headline=head, short=short)
 
 
 def _value(row: Row) -> str:
@@ -59,7 +59,7 @@ def _value(row: Row) -> str:
     return f"{number(value, min(digits, FULL))} ± {number(error, 2)} {unit}".rstrip() + before
 
 
-def _notes(keys: Sequence[Row], parts: Sequence[Row], same: int, count: int) -> Iterator[str]:
+def _notes(keys: Sequence[Row], found: Row, same: int, count: int) -> Iterator[str]:
     """Yield what makes the values doubtful."""
     for row in keys:
         if min(row["value"] - row["low"], row["high"] - row["value"]) < AT_END * (row["high"] - row["low"]):
@@ -73,7 +73,12 @@ def _notes(keys: Sequence[Row], parts: Sequence[Row], same: int, count: int) -> 
         if abs(correlation) > ONE_NUMBER and abs(ratio - 1.0) < ALIKE:
             text += f": only their {'ratio' if correlation > 0.0 else 'product'} is known"
         yield f"{HINT}{text}"
-    for part in parts:
+    for key in found["ambiguous"]:
+        yield (
+            f"{WARNING}several values of {key} leave as little, with another shift of the data: its error spans them; "
+            "fit.shift in seconds tells them apart"
+        )
+    for part in found["parts"]:
         if part["error"] > LARGE:
             yield (
                 f"{WARNING}{display_name(part['column'])} differs by {percent(part['error'])}: the data may be of "

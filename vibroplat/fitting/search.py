@@ -25,8 +25,10 @@ from vibroplat.study.store import Record
 PARTS, MOST_EVALUATIONS = (0.12, 0.35, 1.0), 25
 #: Difference (RMS over RMS) up to which a search suffices.
 SMALL = 0.2
-#: Part of what is left up to which another shift is better.
-BETTER = 1.0 - 1e-6
+#: Part of what is left up to which another shift is better, and how much more leaves it as good.
+BETTER, AS_GOOD = 1.0 - 1e-6, 1e-3
+#: Errors from which on values that leave as little are other values.
+SEVERAL = 3.0
 #: Relative changes of squares and unknowns that end a search over a part of the data, and over all of them.
 ROUGH, FINE = 1e-3, 1e-8
 #: Distance from the ends of ranges at which searches begin, over these.
@@ -59,10 +61,10 @@ def search(scene: Scene, plan: FitPlan, places: list[float]) -> Record:
             u, cost = _least(misfit, u, weights, until)
         if cost > SMALL**2:  # the first part of the data may say little, as before a start
             u, cost = min((u, cost), _least(misfit, begun, weights, 1.0), key=lambda of: of[1])
-        u, cost = _other_turns(misfit, u, weights, cost)
+        u, cost, alike = _other_turns(misfit, u, weights, cost)
     except ArithmeticError as error:
-        return {"failed": str(error), "cost": None, "u": None, "simulations": misfit.simulations}
-    return {"failed": "", "cost": cost, "u": u.tolist(), "simulations": misfit.simulations}
+        return {"failed": str(error), "cost": None, "u": None, "alike": [], "simulations": misfit.simulations}
+    return {"failed": "", "cost": cost, "u": u.tolist(), "alike": alike, "simulations": misfit.simulations}
 
 
 def _least(misfit: Misfit, u: FloatArray, weights: FloatArray, until: float) -> tuple[FloatArray, float]:
@@ -89,25 +91,35 @@ def _least(misfit: Misfit, u: FloatArray, weights: FloatArray, until: float) -> 
     return np.asarray(found.x), 2.0 * float(found.cost) / len(found.fun)
 
 
-def _other_turns(misfit: Misfit, u: FloatArray, weights: FloatArray, cost: float) -> tuple[FloatArray, float]:
-    """Shift files by whole oscillations as long as less is left: other keys may make up for a wrong one."""
+def _other_turns(
+    misfit: Misfit, u: FloatArray, weights: FloatArray, cost: float
+) -> tuple[FloatArray, float, list[list[float]]]:
+    """Shift files by half and whole oscillations, as long as less is left: other keys may make up for a wrong one.
+
+    Returns the best unknowns, what is left, and the places of keys that leave as little.
+    """
     count, (least, most) = len(misfit.keys), misfit.shift_bounds()
+    tried = [(cost, u)]
     for number in range(len(least)):
         part = max((p for p in misfit.parts if p.file == number), key=lambda p: len(p.times))
-        frequency = main_frequency((part.times, part.values))
-        for turn in (1.0 / frequency, -1.0 / frequency):
+        turn = 1.0 / main_frequency((part.times, part.values))
+        for step in (turn, -turn, 0.5 * turn, -0.5 * turn):
             better = True
-            while better and least[number] < u[count + number] + turn < most[number]:
+            while better and least[number] < u[count + number] + step < most[number]:
                 moved = u.copy()
-                moved[count + number] += turn
+                moved[count + number] += step
                 moved, other = _least(misfit, moved, weights, 1.0)
+                tried.append((other, moved))
                 better = other < BETTER * cost
                 u, cost = (moved, other) if better else (u, cost)
-    return u, cost
+    return u, cost, [one[:count].tolist() for other, one in tried if other <= cost * (1.0 + AS_GOOD)]
 
 
-def refine(scene: Scene, plan: FitPlan, start: list[float], before: list[float]) -> Record:
-    """Weight each curve by what remains of it, search once more, and say what the data tell of keys."""
+def refine(scene: Scene, plan: FitPlan, start: list[float], before: list[float], alike: list[list[float]]) -> Record:
+    """Weight each curve by what remains of it, search once more, and say what the data tell of keys.
+
+    Places of keys that leave as little are part of the errors.
+    """
     misfit = Misfit(scene, plan)
     begun, u = misfit.begin(np.array(before)), np.array(start)
     sizes = [len(part.times) for part in misfit.parts]
@@ -134,11 +146,12 @@ def refine(scene: Scene, plan: FitPlan, start: list[float], before: list[float])
     spread = np.sqrt(np.maximum(np.diag(white)[:count], 0.0))
     scale = np.where(errors > 0.0, errors, 1.0)
     places, shifts, offsets, factors = misfit.unpack(u)
-    ranges = misfit.high - misfit.low
+    ranges, away = misfit.high - misfit.low, np.abs(np.array([*alike, places.tolist()]) - places).max(axis=0)
     rows = [_curve(misfit, k, u, begun) for k in range(len(sizes))]
     return {
         "values": (misfit.low + places * ranges).tolist(),
-        "errors": (errors * ranges).tolist(),
+        "errors": (np.hypot(errors, away) * ranges).tolist(),
+        "ambiguous": [key for key, far, error in zip(misfit.keys, away, errors, strict=True) if far > SEVERAL * error],
         "correlations": (covariance[:count, :count] / np.outer(scale, scale)).tolist(),
         "independent": float(sum(sizes) * np.median((spread / scale) ** 2)) if count else 0.0,
         "samples": int(sum(sizes)),

@@ -104,7 +104,7 @@ class FitStudy(Study):
             )
 
         def judged() -> Tasks[Record]:
-            return (yield Task(refine, (self.scene, self.plan, best["u"], places[0])))
+            return (yield Task(refine, (self.scene, self.plan, best["u"], places[0], best["alike"])))
 
         (found,) = run_stored([StoredChain(judged(), store, "judged")], workers)
         return self._result(searches, found)
@@ -118,7 +118,7 @@ class FitStudy(Study):
             for t, m, c in zip(part["t_s"], part["measured"], part["computed"], strict=True)
         ]
         of_searches = [
-            {"search": n, "error": None if one["failed"] else one["cost"] ** 0.5, **_without(one, "cost", "u")}
+            {"search": n, "error": None if one["failed"] else one["cost"] ** 0.5, **_without(one, "cost", "u", "alike")}
             for n, one in enumerate(searches, 1)
         ]
         tables = {
