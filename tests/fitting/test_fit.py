@@ -54,8 +54,6 @@ def test_a_ring_down_identifies_a_spring_and_its_damper(machine, data):
     assert table["determined"].all()
     assert found.answer.short[2].startswith("sensor.csv, acceleration y: differs by 2.1 %, before by")
     assert "as good as" in found.answer.lines["data"]
-    again = vibroplat.fit(machine.replace({"fit": plan}))
-    pd.testing.assert_frame_equal(again.keys, found.keys, check_exact=True)
 
 
 def test_the_best_machine_is_a_configuration(machine, data, tmp_path):
