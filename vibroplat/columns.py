@@ -164,6 +164,8 @@ VIBRATION_PATTERN = {
 }
 
 
+#: What exciters are called whose phase difference drifts.
+NOT_SYNCHRONIZED = "not synchronized"
 #: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
 SYNCHRONOUS = math.pi / 3.0
 
@@ -175,20 +177,28 @@ def sync_name(phase: float) -> str:
     return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"
 
 
+def name_sync(sync: str) -> str:
+    """Return what a synchronization, as tables have it, is called."""
+    return NOT_SYNCHRONIZED if sync == "none" else sync
+
+
 def describe_sync(sync: str, rotation: str) -> str:
     """Return the name of a synchronization, and what it does to a machine if that is known."""
-    return ": ".join(filter(None, (sync, VIBRATION_PATTERN.get((rotation, sync)))))
+    return ": ".join(filter(None, (name_sync(sync), VIBRATION_PATTERN.get((rotation, sync)))))
 
 
 PHASE_COLUMN = "phase_difference_rad"
 
 
-def name_regime(row: Mapping[str, Any]) -> str:
-    """Name the regime of a row of a sweep, or the outcome of one that ended early."""
-    if row.get("outcome", "ok") != "ok":
-        return f"none, {row['outcome']}"
-    motion = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
-    return f"{row['sync']}, {motion}"
+def name_regime(row: Mapping[str, Any], *further: str) -> str:
+    """Name the motion of a row: "antiphase, period 1"; of one that ended early without a motion its outcome.
+
+    Further words stand between the synchronization and the kind of motion.
+    """
+    if row.get("motion") is None:
+        return str(row["outcome"])
+    kind = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
+    return ", ".join(filter(None, (name_sync(row["sync"]), *further, kind)))
 
 
 def is_angle(name: str) -> bool:

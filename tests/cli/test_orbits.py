@@ -143,7 +143,7 @@ def test_start_that_is_not_periodic_is_refused(command, config):
     done = command("orbits", config(text))
     assert not_a_line(done) == ""
     assert done.err.startswith(
-        "vibroplat: no orbit of period 1 near the guess: exciters are not synchronous: exciter 2 makes 0.66"
+        "vibroplat: no orbit of period 1 near the guess: exciters are not synchronized: exciter 2 makes 0.66"
     )
     assert " turns in 1 of exciter 1; allowed: whole turns; their motors have 2 and 3 pole pairs; " in done.err
 
@@ -152,7 +152,7 @@ def test_exciters_nearly_in_step_are_told_apart_from_those_in_step(command, conf
     """With half as many poles an exciter turns nearly twice as fast, but for what both need against friction."""
     motors = "[{friction_radius_m: 1.0e-5}, {friction_radius_m: 1.0e-5, pole_pairs: 1, critical_torque_n_m: 0.6}]"
     text = f"machine: {{unbalance_radius_m: 0.03}}\nmotors: {motors}\norbits: {{{KEY}, start: 50, stop: 51}}\n"
-    assert " exciters are not synchronous: exciter 2 makes 1.99" in command("orbits", config(text)).err
+    assert " exciters are not synchronized: exciter 2 makes 1.99" in command("orbits", config(text)).err
 
 
 def test_unbalances_that_hang_are_no_orbit(command, config):

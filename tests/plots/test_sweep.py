@@ -89,7 +89,7 @@ def test_response_has_a_solid_curve_up_on_a_dashed_one_down(write_sweep):
     down, up = (known(line.get_ydata()[line.get_ydata() > 0.0]) for line in drawn_lines[1:4:2])
     assert len(down) == len(up) + 2  # it is in phase from 44 Hz on instead of 46 Hz
     named = texts(figure.legends[0])
-    assert named[:3] == ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks", "not periodic"]
+    assert named[:3] == ["antiphase: vibrates along y", "in-phase: vibrates along x and rocks", "non-periodic"]
     assert {"supply frequency up", "supply frequency down", "jump", "failed"} <= {*named}
     told = figure.axes[0].get_title(loc="left").splitlines()
     assert told[-1].startswith("not drawn: Δφ (within 10° of 0° or 180° at 100 % of the synchronous points)")
@@ -238,7 +238,7 @@ def test_map_colours_a_tile_for_each_point_and_hatches_what_does_not_repeat(writ
         assert axis.get_title(loc="left").splitlines()[-1] == direction
     named = texts(figure.legends[0])
     assert named[:3] == ["failed", "antiphase: vibrates along y", "in-phase: vibrates along x and rocks"]
-    assert {"not periodic", "period of several turns"} <= {*named}
+    assert {"non-periodic", "period of several turns"} <= {*named}
 
 
 def test_map_of_few_rows_has_a_bar_for_each_way(write_sweep):

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from vibroplat.columns import name_sync
 from vibroplat.frames import pd
 from vibroplat.results.labels import halfway, in_ratios, is_number
 
@@ -37,20 +38,13 @@ _DARK = 0.9
 #: What is known of a point in :attr:`Picture.states`; how markers show it.
 FULL, OPEN, HALF, LOST = range(4)
 #: What states of points of motions mean.
-MOTIONS = ("periodic", "not periodic", "undecided", "failed")
+MOTIONS = ("periodic", "non-periodic", "undecided", "failed")
 #: The place at which a line is broken, and the end of the columns that have the lower ends of bands.
 BROKEN, LOW = -1, ":min"
 #: Distance of two points relative to that of their neighbours from which strips do not go from one to the other.
 MAX_GAP_RATIO = 4.0
-#: What exciters do that are not synchronous.
-NOT_SYNCHRONOUS = "not synchronous"
 
 Places = np.ndarray[Any, np.dtype[np.int_]]
-
-
-def sync_words(sync: str) -> str:
-    """Return what a kind of synchronization is called."""
-    return NOT_SYNCHRONOUS if sync == "none" else sync
 
 
 # -- what is drawn -----------------------------------------------------------------------------------------------------
@@ -429,7 +423,8 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
     given = list(dict.fromkeys(attractors))
     names = sorted(given, key=lambda name: (", period" not in name, name))
     firsts = {name.partition(",")[0]: name for name in reversed(names)}
-    colours = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
+    known = {name_sync(sync): colour for sync, colour in SYNC.items()}
+    colours = {name: known[sync] for sync, name in firsts.items() if sync in known}
     left = sorted((c for c in CURVES if c not in colours.values()), key=lambda colour: colour in SYNC.values())
     others = [name for name in names if name not in colours]
     colours |= {name: left[number % len(left)] for number, name in enumerate(others)}

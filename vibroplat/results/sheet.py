@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from vibroplat.columns import display_name, split, unit_of
+from vibroplat.columns import display_name, name_sync, split, unit_of
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.config.scene import Scene
@@ -375,7 +375,7 @@ class Sheet:
             seconds, after, switch = switched.partition(AFTER)
             started = ("in step again", seconds, f"{after.strip()} {switch}")
         return [
-            Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
+            Row("phase difference", phase_text(s) or "drifts", name_sync(name)),
             pace,
             in_step if s["captured_by"] or not passed else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),

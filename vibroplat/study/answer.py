@@ -85,7 +85,7 @@ def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def _rows(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) -> Iterator[str]:
-    """Yield a table: for each combination of the grid's values its jumps, lift-off and largest amplitude."""
+    """Yield a table: for each combination of the grid's values its jumps, liftoff and largest amplitude."""
     groups, values = list(_combinations(points)), points[key]
     branches = [{*rows["branch"]} for _, rows in groups]
     parts = [[band for band in bands if band["branch"] in own] for own in branches]
@@ -97,7 +97,7 @@ def _rows(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) ->
     for kind in kinds[:MAX_JUMPS]:
         columns[kind] = [_cell(changes.get(kind, {}), values, both_ways=both_ways) for changes in jumps]
     if points["flight_fraction"].gt(0.0).any() or _has_material(points):
-        columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
+        columns["liftoff"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
     columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
     if CONVEYING_SPEED in points and points[CONVEYING_SPEED].notna().any():
         speed = [rows[CONVEYING_SPEED] for _, rows in groups]
@@ -248,6 +248,5 @@ def _legend(good: pd.DataFrame) -> Iterator[str]:
         yield f"always intermediate: phase difference {ranges}"
         return
     named = [describe_sync(sync, rotation) for rotation, sync, _ in known if sync != "intermediate"]
-    texts = [f"{name}: not synchronized" if name == "none" else name for name in named]
-    if texts:
-        yield f"{'always ' if len(texts) == 1 else ''}{'; '.join(texts)}"
+    if named:
+        yield f"{'always ' if len(named) == 1 else ''}{'; '.join(named)}"

@@ -29,11 +29,11 @@ PERIODS = {
     "n": ("#f3c14b", "period of several turns"),
     "quasi-periodic": (picture.PURPLE, "quasi-periodic"),
     "chaotic": ("#5c2a4d", "chaotic"),
-    "undecided": ("#9a9a9a", "not periodic"),
+    "undecided": ("#9a9a9a", "non-periodic or undecided"),
 }
 #: Hatches of motions that do not repeat each turn, and what they mean.
 APERIODIC, SEVERAL = "/////", "...."
-HATCHES = {APERIODIC: "not periodic", SEVERAL: "period of several turns"}
+HATCHES = {APERIODIC: "non-periodic", SEVERAL: "period of several turns"}
 #: Signs of ways.
 WAYS = {"up": "↑", "down": "↓"}
 
@@ -114,8 +114,7 @@ def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.Da
 
 def sync_classes(rotation: str) -> dict[str, tuple[str, str]]:
     """Return colours of synchronizations and what a machine does in each."""
-    classes = {name: (colour, describe_sync(name, rotation)) for name, colour in picture.SYNC.items()}
-    return classes | {"none": (picture.SYNC["none"], picture.NOT_SYNCHRONOUS)}
+    return {name: (colour, describe_sync(name, rotation)) for name, colour in picture.SYNC.items()}
 
 
 def hatches_of(rows: pd.DataFrame) -> list[str]:

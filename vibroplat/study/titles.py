@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
+from vibroplat.columns import PHASE_COLUMN, display_name, name_sync, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results.labels import EXCITATION, SUPPLY, capital, key_name
-from vibroplat.results.picture import sync_words
 from vibroplat.study.answer import motions_text
 from vibroplat.study.sweeps import Sweeps
 
@@ -78,7 +77,7 @@ def regimes(sweeps: Sweeps) -> str:
     if known.empty:
         return "Every point failed"
     fractions = known["sync"].value_counts() / len(known)
-    text = ", ".join(f"{sync_words(str(sync))} at {digits.percent(float(part))}" for sync, part in fractions.items())
+    text = ", ".join(f"{name_sync(str(sync))} at {digits.percent(float(part))}" for sync, part in fractions.items())
     flies = float((known["flight_fraction"] > 0.0).mean()) if "flight_fraction" in known else 0.0
     flight = f"material flies at {digits.percent(flies)}" if flies else ""
     return sentence(f"{text} of the points", flight, motions(table), _failed(table))
