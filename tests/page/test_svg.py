@@ -6,7 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, plain_text, thin, unit_for
+from vibroplat.config.digits import shown_unit
+from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, plain_text, thin
 
 
 @pytest.mark.parametrize(
@@ -22,7 +23,7 @@ from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, 
     ],
 )
 def test_units_have_prefixes_and_keys_keep_theirs(column, size, wanted):
-    assert unit_for(column, size) == (wanted[0], pytest.approx(wanted[1]))
+    assert shown_unit(column, size) == (wanted[0], pytest.approx(wanted[1]))
 
 
 def test_labels_of_figures_are_plain_text():

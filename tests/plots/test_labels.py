@@ -10,19 +10,19 @@ from common.places import QUICKSTART
 from matplotlib.figure import Figure
 
 from vibroplat import load_config
-from vibroplat.columns import PHASE_COLUMN
+from vibroplat.columns import PHASE_COLUMN, unit_of
 from vibroplat.page.results import differences
-from vibroplat.plots.axes import name_axis
+from vibroplat.plots.axes import show_phases
 from vibroplat.plots.measured import Measured
 from vibroplat.plots.style import save, styled
 from vibroplat.results.content import measures
 from vibroplat.results.labels import (
     MOST,
+    axis_label,
     capital,
     differing,
     distinct,
     halfway,
-    key_label,
     legend_names,
     shortened,
     value_label,
@@ -93,7 +93,7 @@ def test_an_exciter_is_named_by_its_number_and_results_of_one_name_by_their_dire
 def test_a_phase_axis_tells_values_as_tables_do():
     """Its ticks, read in (−π, π], are where a value of a table is drawn."""
     axis = Figure().add_subplot()
-    name_axis(axis, PHASE_COLUMN)
+    show_phases(axis, "")
     told = {text.get_text(): place for place, text in zip(axis.get_yticks(), axis.get_yticklabels(), strict=True)}
     assert told["180°"] == pytest.approx(np.pi)
     assert told["−90°"] in (pytest.approx(-0.5 * np.pi), pytest.approx(1.5 * np.pi))
@@ -140,7 +140,7 @@ def test_what_a_study_varies_itself_is_no_difference(command, study, changes):
     ],
 )
 def test_keys_are_called_by_names_symbols_and_units(key, label, value):
-    assert (key_label(key), value_label(key, 0.2)) == (label, value)
+    assert (axis_label(key, unit_of(key)), value_label(key, 0.2)) == (label, value)
 
 
 def test_values_that_are_no_numbers_are_called_by_themselves():

@@ -201,12 +201,12 @@ def test_bifurcation_shows_the_way_up_on_the_way_down(write_sweep):
     table = sweep_table().query("branch < 2")
     tables = {"section": diagram(table, "y_m"), "impacts": diagram(table, "impact_speed_m_per_s")}
     figure = drawn(write_sweep(table, "bifurcation", **tables))["bifurcation"]
-    rest = 1e3 * static_rest(load_config(QUICKSTART, {MASS: 0.0}))[1]
+    rest = static_rest(load_config(QUICKSTART, {MASS: 0.0}))[1]
     strips, upper, _ = figure.axes
     *below, steady, odd = (line for line in upper.lines if len(line.get_xdata()))
     own = tables["section"].query("branch == 0").sort_values("period", ascending=False, kind="stable")  # 0: chaotic
     heights, over = (np.concatenate([getattr(line, f"get_{k}data")() for line in (steady, odd)]) for k in "yx")
-    assert heights == pytest.approx(1e3 * own["y_m"].to_numpy() - rest)
+    assert heights == pytest.approx(own["y_m"].to_numpy() - rest)
     assert over == pytest.approx(own["excitation_frequency_hz"].to_numpy())
     assert odd.get_markersize() < steady.get_markersize()
     assert steady.get_color() not in {line.get_color() for line in below}

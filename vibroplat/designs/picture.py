@@ -8,7 +8,7 @@ from textwrap import fill
 
 import numpy as np
 
-from vibroplat.columns import display_name, display_unit, indexed_name, is_angle, unit_of
+from vibroplat.columns import display_name, indexed_name, is_angle, unit_of
 from vibroplat.config import digits
 from vibroplat.config.circular import NO_MEAN, beyond, centre_text, circular_mean, on_line
 from vibroplat.config.study_plans import DesignPlan
@@ -53,7 +53,7 @@ def _caption(result: Result, plan: DesignPlan, told: str = "") -> str:
 def bound_of(plan: DesignPlan, name: str) -> str:
     """Return a bound in words and in the unit of its axis: "RMS y ≥ 1 mm"."""
     sign, value = plan.bound(name)
-    unit, factor = display_unit(name)
+    unit, factor = digits.shown_unit(name, value)
     return f"{display_name(name)} {'≥' if sign > 0.0 else '≤'} {digits.given(factor * value)} {unit}".strip()
 
 

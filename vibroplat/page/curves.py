@@ -95,7 +95,7 @@ def _platform(shown: RunPicture, main: str) -> Picture:
 def _further(shown: RunPicture) -> Picture:
     """Show what no printed figure has: upper layer, contact force of the whole run, powers of the motors."""
     panels = []
-    for column, label in ((FURTHER, "upper layer relative to the lower one (mm)"), ("contact_force_n", "")):
+    for column, label in ((FURTHER, "upper layer relative to the lower one"), ("contact_force_n", "")):
         for run in (run for run in shown.runs if column in run.shown):
             curve(shown, run, column, label=shown.called(run))
         panels.append(Panel(column, label=label))

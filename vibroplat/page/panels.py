@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 from contourpy import contour_generator
 
-from vibroplat.columns import display_name, is_angle, quantity_of, unit_of
-from vibroplat.config.circular import degrees_text, ranked
-from vibroplat.config.digits import quantity
-from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
+from vibroplat.columns import display_name
+from vibroplat.config.circular import ranked, shown_value
+from vibroplat.page.svg import Floats, Plot, Scale, plain_text
 from vibroplat.page.view import (
     View,
     axis_name,
@@ -22,10 +21,9 @@ from vibroplat.page.view import (
     heading,
     isolated_points,
     places_of,
-    shown_at,
 )
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan
+from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan, on_axis
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
@@ -68,7 +66,7 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     x_values, y_values = view.values(x_column), view.values(column)
     bands = [one for one in own if one.mode == "band"]
     low = view.values(f"{column}{LOW}")[places_of(bands)]
-    y = Scale.of(np.append(view.reached(column, places), low), column, least=panel.least, log=panel.scale == "log")
+    y = view.scale(column, np.append(view.reached(column, places), low), least=panel.least, log=panel.scale == "log")
     plot = view.plot(panel, view.across(panel, shown), y)
     for one in bands:
         _band(view, plot, column, one, x_values)
@@ -136,7 +134,7 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
 
 def _draw_classes(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
     """Draw dots at some places in the colours of a column, or in one where the panel has none."""
-    looks = colour_classes(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
+    looks = colour_classes(panel, view.picture, places) if panel.by else [("", colour, slice(None))]
     for name, own, chosen in looks:
         plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= MAX_MARKED else 3.2)
 
@@ -150,14 +148,14 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
         return view.plot(panel, Scale(0.0, 1.0), Scale(0.0, 1.0))
     levels, over = np.unique(up[places]), np.unique(across[places])
     at = np.searchsorted(levels, up[places])
-    unit, factor = unit_for(panel.column, float(np.abs(levels).max()))
-    ends, units = halfway(over), unit_for(view.axis, float(over[-1]))
-    x = Scale(ends[0], ends[-1], *units, label=axis_name(panel.x or view.axis), log=in_ratios(over))
+    unit, factor = view.picture.unit(panel.column)
+    ends, column = halfway(over), panel.x or view.axis
+    x = Scale(ends[0], ends[-1], *view.picture.unit(column), label=axis_name(column), log=in_ratios(over))
     y = Scale(-0.5, len(levels) - 0.5, unit, names=[f"{level * factor:.4g}" for level in levels])
     title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
     plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
     points = view.picture.points
-    looks = colour_classes(panel, points)
+    looks = colour_classes(panel, view.picture)
     kinds = np.select([chosen for *_, chosen in looks], [name for name, *_ in looks], "")
     classes = {name: (colour, name) for name, colour, _ in looks}
     hatched = points[panel.hatch].to_numpy(dtype=object) if panel.hatch else np.full(len(points), "")
@@ -215,7 +213,7 @@ def bars(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     places = places_of(shown)
     values = view.values(view.axis)[places]
     words = [display_name(str(word)) or str(word) for word in view.picture.points[panel.column].iloc[places]]
-    x = Scale.of(np.append(values, 0.0), view.axis, label=plain_text(panel.label) or axis_name(view.axis))
+    x = view.scale(view.axis, np.append(values, 0.0), label=plain_text(panel.label) or axis_name(view.axis))
     y = Scale(len(words) - 0.5, -0.5, names=words)
     plot = view.plot(panel, x, y, heading(panel))
     plot.look, plot.height = "picture bars", f"--h:{22 * max(len(words), 1) + 6}px"
@@ -252,13 +250,12 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     ranks, quantiles = ranked(panel.column, values[places], fractions)
     order = places[ranks]
     shares = (np.arange(len(order)) + 0.5) / max(len(order), 1)
-    label = plain_text(quantity_of(panel.column).name)
-    x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
+    x = view.scale(panel.column, view.reached(panel.column, order), label=axis_name(panel.column))
     plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
     _draw_classes(view, plot, panel, order, values[order], shares, shown[0].colour)
     for fraction, value in zip(fractions, quantiles.tolist(), strict=False):
-        text = degrees_text(value) if is_angle(panel.column) else quantity(value, unit_of(panel.column))
-        plot.mark(shown_at(panel.column, value), fraction, f"{100 * fraction:g} %: {text}")
+        text = shown_value(panel.column, value, float(np.abs(values[order]).max()))
+        plot.mark(float(on_axis(panel.column, value)), fraction, f"{100 * fraction:g} %: {text}")
     view.hits(plot, values[order], shares, order)
     return plot
 

@@ -125,11 +125,11 @@ def _classes(panel: Any, picture: Picture) -> dict[str, str]:
     if not panel.by or panel.by not in picture.points:
         return {}
     if panel.classes:
-        named = colour_classes(panel, picture.points)
+        named = colour_classes(panel, picture)
         box = '<b class="box" style="background:{}"></b>'
         return {name: f"<span>{box.format(colour)}{escape(name)}</span>" for name, colour, _ in named}
     values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
-    low, high, unit, factor = ends_of_scale(panel, values)
+    (low, high), (unit, factor) = ends_of_scale(panel, values), picture.unit(panel.by)
     text = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(" ,", ",")
     return {panel.by: f"<span>{escape(text)}</span>"}
 

@@ -11,9 +11,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import display_name, unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, PREFIXES, decimal, digits_of, given, places
-from vibroplat.page.svg import power_of_ten, unit_for
+from vibroplat.columns import display_name, is_angle, is_rotation, unit_of
+from vibroplat.config.digits import (
+    MISSING,
+    NEGLIGIBLE,
+    PREFIXES,
+    decimal,
+    digits_of,
+    given,
+    places,
+    power_of_ten,
+    shown_unit,
+)
 from vibroplat.page.text import escape
 from vibroplat.results.answer import counted
 from vibroplat.results.labels import SUPPLY, capital
@@ -21,6 +30,8 @@ from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
 MOST_CELLS, MOST_ROWS = 25_000, 2_000
+#: Size relative to the largest of a kind up to which numbers are round-off.
+ROUND_OFF = 1e-9
 #: Most significant digits of the largest number of a column; keys and what has no unit have them all.
 MOST_DIGITS = 5
 
@@ -67,9 +78,10 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, contents: s
 
 
 def _kind(name: str) -> str:
-    """Return with which columns one is compared: all RMS of motion, or forces, powers … of its unit; "" if none."""
-    unit = unit_of(name)
-    return "rms" if name.startswith("rms_") else unit if unit in PREFIXES and unit != "rad" and "." not in name else ""
+    """Return with which columns one is compared: all RMS of motion, or motions, forces, powers …; "" if none."""
+    if "." in name or is_angle(name):
+        return ""
+    return "rms" if name.startswith("rms_") else "m" if is_rotation(name) else unit_of(name)
 
 
 def _sizes(table: pd.DataFrame) -> dict[str, float]:
@@ -85,7 +97,8 @@ def _sizes(table: pd.DataFrame) -> dict[str, float]:
 def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str]]:
     """Return the heading of a column and its cells: with the decimals that its numbers need; "0" if it is nothing.
 
-    It is nothing if no number of it is above 1/1000 of the ``largest`` of its kind.
+    It is nothing if no number of it is above 1/1000 of the ``largest`` of its kind, or round-off of it if small numbers
+    of its kind matter, as differences of frequencies do.
     """
     words = display_name(name) or name
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
@@ -93,24 +106,22 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
     numbers = column.to_numpy(dtype=float, na_value=np.nan)
     known = np.abs(numbers[np.isfinite(numbers)])
     size = float(known.max()) if known.size else 0.0
-    if size <= NEGLIGIBLE * largest:
+    if size <= (NEGLIGIBLE if unit_of(name) in PREFIXES else ROUND_OFF) * largest:
         numbers, known, size = 0.0 * numbers, 0.0 * known, 0.0
-    unit, factor = unit_for(name, size)
-    scaled, raised = size * factor, ""
-    if scaled and not 1e-3 <= scaled < 1e7:
-        power = 3 * math.floor(math.log10(scaled) / 3)
-        factor, raised = factor * 10.0**-power, power_of_ten(10.0**power)
-    whole = bool(np.all(known == np.round(known))) and not unit and not raised
+    unit, factor = shown_unit(name, largest or size)
+    if size and not 1e-3 <= size * factor < 1e7:
+        power = 3 * math.floor(math.log10(size) / 3)
+        unit, factor = f"{power_of_ten(10.0**power)} {unit_of(name)}".strip(), 10.0**-power
+    whole = bool(np.all(known == np.round(known))) and not unit
     decimals = 0 if whole else max(places(size * factor, MOST_DIGITS), 0)
     if unit and name != SUPPLY and "." not in name:
         least = float(known[known > NEGLIGIBLE * size].min(initial=size))
         decimals = min(decimals, max(places(least * factor, digits_of(unit)), 0))
-    heading = " ".join(filter(None, (raised, unit)))
     cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
     while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
-    return (f"{words} ({heading})" if heading else words), cells
+    return (f"{words} ({unit})" if unit else words), cells
 
 
 def align_lines(lines: Sequence[str]) -> str:

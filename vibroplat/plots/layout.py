@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vibroplat.plots.axes import label_of
+from vibroplat.plots.axes import label_axis
 from vibroplat.plots.strips import height_of
 from vibroplat.plots.style import CAPTION_COLOUR, new_figure
 from vibroplat.results.picture import Facet, Panel, Picture
@@ -82,22 +82,22 @@ def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]
     order = [*(axes.T if grid.down else axes).ravel()]
     while len(order) > len(shown):  # where columns share an axis the one on top, so that they end alike
         order.pop(grid.rows if grid.down else -1).set_axis_off()
-    cells = [*_cells(grid, x, zip(order, shown, strict=False))]
+    cells = [*_cells(grid, picture, x, zip(order, shown, strict=False))]
     if strip is not None and (grid.columns > 1 or not panels):
         strip.tick_params(labelbottom=True)
     if strip is not None and not panels:
-        strip.set_xlabel(label_of(x))
+        label_axis(strip.xaxis, x, picture.unit(x))
     return figure, strip, cells
 
 
-def _cells(grid: _Grid, x: str, placed: Any) -> Iterator[Cell]:
+def _cells(grid: _Grid, picture: Picture, x: str, placed: Any) -> Iterator[Cell]:
     """Yield panels in their axes, with titles, and labels of horizontal axes where none is below."""
     for axis, (panel, facet) in placed:
         spec = axis.get_subplotspec()
         if facet.label and (spec.is_first_row() or not (grid.sharey or grid.down) or panel.title):
             axis.set_title(facet.label, loc="left", color=CAPTION_COLOUR, fontsize=8.5)
         if spec.is_last_row() or not (grid.sharex or grid.down):
-            named = {"ranks": label_of(panel.column), "bars": panel.label}
-            axis.set_xlabel(named.get(panel.kind) or label_of(panel.x or x))
+            column = panel.column if panel.kind == "ranks" else panel.x or x
+            label_axis(axis.xaxis, column, picture.unit(column), panel.label if panel.kind == "bars" else "")
             axis.tick_params(labelbottom=True)
         yield Cell(axis, panel, facet, spec.is_first_col(), spec.is_last_col())

@@ -26,9 +26,8 @@ from vibroplat.columns import display_name, is_angle
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, percent
 from vibroplat.config.schema import MAX_SIZE, did_you_mean
 from vibroplat.errors import TableError
-from vibroplat.plots.axes import in_units
 from vibroplat.results.labels import is_number, plain
-from vibroplat.results.picture import BLACK
+from vibroplat.results.picture import BLACK, on_axis
 from vibroplat.system.memory import size_text
 
 if TYPE_CHECKING:
@@ -177,7 +176,7 @@ class Measured:
             size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
             look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
             label = ", ".join([f"measured: {plain(self.path.name)}", *self.differences()])
-            axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
+            axis.plot(table[x], on_axis(column, table[column]), marker="D", label=label, **look)
 
 
 def curve_of(table: pd.DataFrame, column: str, x: str = "t_s") -> Curve:

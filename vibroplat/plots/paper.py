@@ -44,9 +44,9 @@ _MODEL_CURVES: Curves = [
 ]
 #: The paper's symbols.
 _SYMBOLS = {
-    "rms_y_m": r"$\widetilde{A}_y$ (mm)",
-    "rms_x_m": r"$\widetilde{A}_x$ (mm)",
-    "rms_phi_rad": r"$\widetilde{A}_\varphi$ (mrad)",
+    "rms_y_m": r"$\widetilde{A}_y$",
+    "rms_x_m": r"$\widetilde{A}_x$",
+    "rms_phi_rad": r"$\widetilde{A}_\varphi$",
     PHASE_COLUMN: PHASE,
 }
 

@@ -17,14 +17,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import AsinhLocator, MaxNLocator
 
-from vibroplat.columns import PHASE_COLUMN, quantity_of
-from vibroplat.plots.axes import begin_at_zero, in_decades, in_units, name_axis, widen_ticks
+from vibroplat.columns import PHASE_COLUMN
+from vibroplat.plots.axes import begin_at_zero, in_decades, label_axis, show_phases, widen_ticks, write_each
 from vibroplat.plots.layout import Cell, cells_of
 from vibroplat.plots.measured import Measured, curve_of
 from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
 from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
 from vibroplat.plots.style import CAPTION_COLOUR, entry, few, head, legend_below
-from vibroplat.results.labels import is_number, key_label
+from vibroplat.results.labels import is_number
 from vibroplat.results.picture import (
     BEHIND,
     BLACK,
@@ -37,6 +37,7 @@ from vibroplat.results.picture import (
     Panel,
     Picture,
     Series,
+    on_axis,
 )
 
 if TYPE_CHECKING:
@@ -145,7 +146,7 @@ def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArr
 def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) -> Figure:
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
     x = x or picture.axes[0]
-    computed, picture = picture.points, _in_units(picture, x)
+    computed, picture = picture.points, _on_axes(picture, x)
     figure, strip, cells = cells_of(picture, x)
     if strip is not None:
         draw_strips(strip, picture, x)
@@ -166,7 +167,7 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         norm = Normalize(float(values.min()), float(values.max()))
         dark = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
         bar = figure.colorbar(ScalarMappable(norm, dark), ax=figure.axes, aspect=50, pad=0.01)
-        bar.set_label(key_label(picture.scale))
+        label_axis(bar.ax.yaxis, picture.scale, picture.unit(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
     entries = [*legend_of(picture), *(measured if data is not None else [])]
     entries = [*{str(one.get_label()): one for one in entries}.values()]
@@ -178,13 +179,12 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
     return figure
 
 
-def _in_units(picture: Picture, x: str) -> Picture:
-    """Return a picture whose drawn columns are in the units of their axes."""
+def _on_axes(picture: Picture, x: str) -> Picture:
+    """Return a picture whose drawn columns are as their axes have them."""
     points = picture.points
     names = {x, *(name for panel in picture.panels for name in (panel.column, panel.x, panel.by))}
-    known = {name: name for name in names if name in points and is_number(points[name])}
-    known |= {f"{name}{LOW}": name for name in known if f"{name}{LOW}" in points}
-    return replace(picture, drawn=points.assign(**{n: in_units(points[n], name) for n, name in known.items()}))
+    known = [name for name in names if name in points and is_number(points[name])]
+    return replace(picture, drawn=points.assign(**{name: on_axis(name, points[name]) for name in known}))
 
 
 def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFrame] | None) -> None:
@@ -202,7 +202,9 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
         data[0].draw(axis, x, panel.column)
     if kind not in ("ranks", "bars") and (cell.is_first or not picture.facets):
         label = "" if panel.by and panel.kind != "plane" else panel.label
-        name_axis(axis, panel.column, label, picture.rotation)
+        label_axis(axis.yaxis, panel.column, picture.unit(panel.column), label)
+        if panel.column == PHASE_COLUMN:
+            show_phases(axis, picture.rotation)
     _references(axis, picture, panel, x)
     _limit(axis, panel)
     draw_words(axis, picture, panel.column, x)
@@ -211,7 +213,7 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     if panel.by and panel.kind not in ("plane", "ranks") and not panel.classes and (cell.is_last or not picture.facets):
         _, colours, norm = colour_numbers(panel, picture.points)
         bar = axis.figure.colorbar(ScalarMappable(norm, colours), ax=axis, aspect=40)
-        bar.set_label(panel.label or quantity_of(panel.by).label)
+        label_axis(bar.ax.yaxis, panel.by, picture.unit(panel.by), panel.label)
     if panel.title:
         own = axis.get_title(loc="left")
         axis.set_title(f"{panel.title}, {own}" if own else panel.title, loc="left")
@@ -244,7 +246,7 @@ def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
     over = panel.column if panel.kind == "ranks" else panel.x or x
     for line in picture.lines:
         draw: Any = axis.axvline if line.column == over else axis.axhline if line.column == panel.column else None
-        for value in in_units(list(line.at), line.column) if draw else ():
+        for value in on_axis(line.column, line.at) if draw else ():
             draw(value, color=line.colour, lw=0.9, ls=line.dash, zorder=1.5)
     for one in picture.ranges:
         if one.column == over:
@@ -257,10 +259,12 @@ def _limit(axis: Axes, panel: Panel) -> None:
         return
     if panel.scale == "log":
         in_decades(axis, "y")
+    elif panel.scale == "asinh":
+        write_each(axis.yaxis)
     elif panel.kind == "stack":
         axis.set_ylim(0.0, 1.0)
     elif panel.least is not None and not axis.dataLim.y1 < 0.0:
-        begin_at_zero(axis, max(axis.get_ylim()[1], float(in_units(panel.least, panel.column))))
+        begin_at_zero(axis, max(axis.get_ylim()[1], panel.least))
     elif panel.scale == "linear" and panel.column != PHASE_COLUMN:
         widen_ticks(axis, "y")
 

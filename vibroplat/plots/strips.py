@@ -9,9 +9,8 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
 
-from vibroplat.plots.axes import in_units
 from vibroplat.plots.style import entry
-from vibroplat.results.picture import BLACK, Panel, Picture, Strips
+from vibroplat.results.picture import BLACK, Panel, Picture, Strips, on_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +100,7 @@ def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
     levels = np.unique(picture.points[column]) if any(panel.kind == "tiles" for panel in picture.panels) else None
     low, high = axis.get_xlim()
     for word in (word for word in picture.words if word.column == column and x == picture.axes[0]):
-        at, height = (float(in_units(value, name)) for value, name in ((word.x, x), (word.y, column)))
+        at, height = (float(on_axis(name, value)) for value, name in ((word.x, x), (word.y, column)))
         if levels is not None:
             height = float(np.interp(height, levels, np.arange(len(levels))))
         is_left = at < 0.5 * (low + high)

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, Literal
@@ -18,9 +17,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import AutoLocator, FuncFormatter, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import AutoLocator, MaxNLocator
 
-from vibroplat.config import digits
 from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
@@ -29,8 +27,6 @@ Form = Literal["png", "pdf", "svg"]
 MOST_ENTRIES = 24
 #: Room for a tick of a horizontal and of a vertical axis (inch), and letters of a label of the latter that an inch has.
 TICK, TICK_ABOVE, LABEL = 0.65, 0.28, 13.5
-#: Largest numbers of axes between which their ticks have no power of ten.
-PLAIN = (1e-3, 1e5)
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
 LINES, LINE = 3, 0.2
 #: Characters per inch of a legend, of a title and of the text below the title; colour of this text.
@@ -159,29 +155,13 @@ def head(figure: Figure, title: str, caption: str = "") -> None:
 
 
 def _set_ticks(figure: Figure) -> None:
-    """Give linear axes as many ticks as there is room for, and units in which 1 … 999 stand before the point."""
+    """Give linear axes as many ticks as there is room for."""
     for axis in figure.axes:
         box = axis.get_position()
         across, up = box.width * figure.get_figwidth() / TICK, box.height * figure.get_figheight() / TICK_ABOVE
         for along, room in ((axis.xaxis, across), (axis.yaxis, up)):
             if isinstance(along.get_major_locator(), AutoLocator):
                 along.set_major_locator(MaxNLocator(int(np.clip(room, 2, 9)), steps=[1, 2, 5, 10]))
-            writes = along.get_major_formatter()  # axes that share their values share it
-            shared = isinstance(writes, FuncFormatter) and getattr(writes.func, "func", None) is _over
-            if along.get_scale() != "linear" or not (shared or isinstance(writes, ScalarFormatter)):
-                continue
-            unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
-            size, factor = float(np.abs(along.get_view_interval()).max()), 1.0
-            if unit and unit[1] in digits.PREFIXES and unit[1] not in ("m", "rad"):
-                factor, name = digits.prefixed(size, unit[1])
-                along.set_label_text(along.get_label_text().replace(unit[0], f"({name})"))
-            if factor != 1.0 or not PLAIN[0] <= size < PLAIN[1]:  # else a power of ten would stand in the titles
-                along.set_major_formatter(FuncFormatter(partial(_over, factor)))
-
-
-def _over(factor: float, value: float, _: int | None = None) -> str:
-    """Write a tick in a unit with a prefix."""
-    return f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _wrapped(text: str, letters: float, least: int = 20) -> str:

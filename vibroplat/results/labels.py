@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE, display_name, indexed_name, list_place, unit_of
+from vibroplat.columns import AXIS_NAMES, PHASE, PHASE_COLUMN, display_name, indexed_name, list_place, unit_of
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.kinds import unused_sections
 from vibroplat.config.plans import FREQUENCY
@@ -21,8 +21,8 @@ SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
 _FREQUENCIES = {
-    EXCITATION: "excitation frequency $f$ (Hz)",
-    **dict.fromkeys((SUPPLY, FREQUENCY), "supply frequency $f_e$ (Hz)"),
+    EXCITATION: "excitation frequency $f$",
+    **dict.fromkeys((SUPPLY, FREQUENCY), "supply frequency $f_e$"),
 }
 #: Names and symbols of keys; others have no symbol and are called by the words of their last part.
 _KEYS = {
@@ -111,12 +111,11 @@ def key_name(key: str) -> str:
     return plain(_KEYS.get(key, (indexed_name(key), ""))[0])
 
 
-def key_label(key: str) -> str:
-    """Return what a key, or the column of a frequency, is called on an axis."""
-    if key in _FREQUENCIES:
-        return _FREQUENCIES[key]
-    symbol, unit = _KEYS.get(key, ("", ""))[1], unit_of(key)
-    return " ".join(part for part in (key_name(key), symbol, f"({unit})" if unit else "") if part)
+def axis_label(column: str, unit: str, name: str = "") -> str:
+    """Return what a key or a column is called on an axis, by its usual name and symbol or another one, and its unit."""
+    usual = " ".join(_KEYS[column]) if column in _KEYS else _FREQUENCIES.get(column) or AXIS_NAMES.get(column)
+    name = name or usual or key_name(column)
+    return f"{name} ({unit})" if unit and column != PHASE_COLUMN else name
 
 
 def value_label(key: str, value: Any) -> str:

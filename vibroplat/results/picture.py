@@ -6,6 +6,7 @@ tells its points by their places in this order. Names of numbers and units follo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +14,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import name_sync
+from vibroplat.columns import PHASE_COLUMN, name_sync
+from vibroplat.config.coordinates import TURN
+from vibroplat.config.digits import shown_unit
 from vibroplat.frames import pd
 from vibroplat.results.labels import halfway, in_ratios, is_number
 
@@ -35,6 +38,8 @@ MODES = {
 _SCALE = ("#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725")
 #: Fraction of the scale that curves use: its palest end is too pale for lines on white.
 _DARK = 0.9
+#: Where axes of phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
+LOWEST_PHASE = -0.5 * math.pi
 #: What is known of a point in :attr:`Picture.states`; how markers show it.
 FULL, OPEN, HALF, LOST = range(4)
 #: What states of points of motions mean.
@@ -389,6 +394,15 @@ class Picture:
             return finite(self.drawn if len(self.drawn) >= count else self.drawn.reindex(range(count)))
         return finite(self.table if self.special is None else pd.concat([self.table, self.special], ignore_index=True))
 
+    @cached_property
+    def _sizes(self) -> Mapping[Any, float]:
+        """The largest sizes of numbers."""
+        return self.points.select_dtypes("number").abs().max().fillna(0.0).to_dict()
+
+    def unit(self, column: str) -> tuple[str, float]:
+        """Return the unit in which a column is shown, in print and on the page, and the factor from SI units to it."""
+        return shown_unit(column, self._sizes.get(column, 0.0))
+
     def log(self, column: str) -> bool:
         """Whether a horizontal axis is logarithmic."""
         return column in self.points and is_number(self.points[column]) and in_ratios(self.points[column])
@@ -432,6 +446,12 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
+
+
+def on_axis(column: str, values: Any) -> Any:
+    """Return values of a column as an axis has them: in SI units, phase differences from −π/2 to 3π/2."""
+    numbers = np.asarray(values, dtype=float)
+    return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE if column == PHASE_COLUMN else numbers
 
 
 def finite(table: pd.DataFrame) -> pd.DataFrame:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import quantity_of
 from vibroplat.config.digits import percent
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.errors import TableError
@@ -15,7 +14,7 @@ from vibroplat.frames import pd
 from vibroplat.hybrid.state import static_rest
 from vibroplat.inspection.material import ERROR, range_of_row
 from vibroplat.results import content, picture
-from vibroplat.results.labels import ABSCISSAE, SPECIAL_POINTS, key_name
+from vibroplat.results.labels import ABSCISSAE, SPECIAL_POINTS, axis_label, key_name
 from vibroplat.results.result import Result
 from vibroplat.study import titles
 from vibroplat.study.branches import EXCITATION, SUPPLY
@@ -170,7 +169,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     rest = _rests(sweeps, section)
     table = pd.concat([section.assign(y_m=section["y_m"] - rest), impacts], ignore_index=True)
     name = "y from rest" if sweeps.results[0].known_scene else "y"
-    panels = [picture.Panel("y_m", label=f"${name[0]}${name[1:]} at whole\nturns of exciter 1 (mm)")]
+    panels = [picture.Panel("y_m", label=f"${name[0]}${name[1:]} at whole\nturns of exciter 1")]
     panels += [picture.Panel("impact_speed_m_per_s", least=0.0)] if len(impacts) else []
     labels = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
     series, facets = list[picture.Series](), list[picture.Facet]()
@@ -267,7 +266,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     behind = [len(series) + number for number in range(len(lines))]
     facets = [picture.Facet(str(name), [number, *behind]) for number, name in enumerate(directions)]
     labels = dict.fromkeys((sweeps.label(rows.iloc[0]) for rows in sweeps.branches), picture.BLACK)
-    panels = [picture.Panel(key, kind="tiles", by=column, title=quantity_of(column).name) for column in columns]
+    panels = [picture.Panel(key, kind="tiles", by=column, title=axis_label(column, "")) for column in columns]
     return picture.Picture(
         name="map",
         heading="Map",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES, describe_sync
+from vibroplat.columns import MEASURES, PHASE_COLUMN, describe_sync
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
@@ -110,7 +110,7 @@ def read(
         if key != keys[0]:
             raise TableError(f"{result.place} is over {key}, not {keys[0]}; allowed: several sweeps over one key")
         numbers = (key, "branch", *_NUMBERS, *columns, *([x] if x else []))
-        tables.append(content.rows_in(result, "sweep", _TEXTS, numbers, list(QUANTITIES)))
+        tables.append(content.rows_in(result, "sweep", _TEXTS, numbers, list(MEASURES)))
     grid = list(dict.fromkeys(key for table in tables for key in grid_of(table)))
     made = [flat(result.given()) for result in results]
     tables = [

@@ -67,8 +67,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
         caption=caption_of([result.name], result.known_scene, [key], omitted),
-        meaning="All evaluated values. Filled: periodic; open: non-periodic, ×: failed; dashed lines: "
-        "thresholds.",
+        meaning="All evaluated values. Filled: periodic; open: non-periodic, ×: failed; dashed lines: thresholds.",
         orbits=picture.Orbits(
             table,
             [side for side in sides if side is not None],
