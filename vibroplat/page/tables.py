@@ -78,19 +78,21 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, contents: s
 
 
 def _kind(name: str) -> str:
-    """Return with which columns one is compared: all RMS of motion, or motions, forces, powers …; "" if none."""
+    """Return with which columns one is compared: RMS of motion, or lengths, forces, powers …; "" if none."""
     if "." in name or is_angle(name):
         return ""
-    return "rms" if name.startswith("rms_") else "m" if is_rotation(name) else unit_of(name)
+    return "rms" if name.startswith("rms_") or is_rotation(name) else unit_of(name)
 
 
 def _sizes(table: pd.DataFrame) -> dict[str, float]:
     """Return the largest number of each kind of columns."""
     sizes = dict[str, float]()
     for name in table.select_dtypes("number"):
-        if kind := _kind(str(name)):
+        kind = _kind(str(name))
+        if kind and not is_rotation(str(name)):
             largest = float(finite(table[[name]])[name].abs().max())
             sizes[kind] = max(sizes.get(kind, 0.0), 0.0 if math.isnan(largest) else largest)
+    sizes.setdefault("rms", sizes.get("m", 0.0))
     return sizes
 
 
