@@ -48,7 +48,7 @@ def figures(view: View, facet: Facet | None) -> list[str]:
     all_of = list(view.picture.series)
     numbers = range(len(all_of)) if facet is None else facet.series
     shown = [all_of[n] for n in numbers]
-    html = strips(view) if facet is None or facet is view.picture.facets[0] else []
+    html = strips(view, facet) if facet is None or facet.strips or facet is view.picture.facets[0] else []
     for panel in view.picture.panels:
         if panel.column == (panel.x or view.axis) and panel.kind == "points":
             continue
@@ -260,24 +260,24 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     return plot
 
 
-def strips(view: View) -> list[str]:
+def strips(view: View, facet: Facet | None = None) -> list[str]:
     """Return what happens along branches, as strips over the axis, one below the other."""
     strips = view.picture.strips
-    if strips is None or not strips.rows:
+    if strips is None:
         return []
-    at = view.values(view.axis)
-    spans = [strip.spans(at) for strip in strips.rows]
+    at, shown = view.values(view.axis), strips.of(facet)
+    spans = [strip.spans(at) for strip in shown]
     if not any(spans):
         return []
     x = view.across(Panel(view.axis), view.picture.series)
-    y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
+    y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in shown])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
     plot.height = f"--h:{24 * len(spans) + 6}px"
     plot.note = hatch_legend(strips.hatches, f"line: {strips.line}" if strips.line else "")
     for row, row_spans in enumerate(spans):
         _spans(plot, row, row_spans, strips.classes, strips.hatches, 0.36)
-    places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
-    rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
+    places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in shown])
+    rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in shown])
     view.hits(plot, at[places], rows, places)
     plot.key = [(plain_text(meaning), colour) for colour, meaning in strips.classes.values()]
     return [plot.html()]

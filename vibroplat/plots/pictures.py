@@ -147,16 +147,15 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
     x = x or picture.axes[0]
     computed, picture = picture.points, _on_axes(picture, x)
-    figure, strip, cells = cells_of(picture, x)
-    if strip is not None:
-        draw_strips(strip, picture, x)
+    figure, strips, cells = cells_of(picture, x)
+    for axis, facet in strips:
+        draw_strips(axis, picture, facet, x)
     for cell in cells:
         _panel(cell, picture, x, (data, computed) if data is not None else None)
     for cell in cells:  # that may share their axis, which so has all points
         if cell.panel.kind in ("points", "tiles") and not picture.log(x):
             widen_ticks(cell.axis, "x")
-    first = cells[0].axis if cells else strip
-    assert first is not None
+    first = cells[0].axis if cells else strips[0][0]
     if picture.log(x) and not {panel.kind for panel in picture.panels} & {"tiles", "bars", "ranks"}:
         in_decades(next((cell.axis for cell in cells if not cell.panel.x), first), "x")  # that all share
     if x == "start":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
 
 from vibroplat.plots.style import entry
-from vibroplat.results.picture import BLACK, Panel, Picture, Strips, on_axis
+from vibroplat.results.picture import BLACK, Facet, Panel, Picture, Strip, Strips, on_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,15 +25,16 @@ def height_of(picture: Picture) -> float:
     """Return the height of the strips of a picture (inch)."""
     if picture.strips is None:
         return 0.0
-    return AROUND + (STRIP if picture.panels else BAR) * max(len(picture.strips.rows), 2)
+    most = max((len(picture.strips.of(facet)) for facet in picture.facets), default=len(picture.strips.rows))
+    return AROUND + (STRIP if picture.panels else BAR) * max(most, 2)
 
 
-def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
-    """Draw strips, one below the other, with their names next to them; ``x`` is the column of the axis."""
+def draw_strips(axis: Axes, picture: Picture, facet: Facet, x: str) -> None:
+    """Draw the strips of a facet, one below the other, with their names next to them, over a column."""
     strips = picture.strips
     assert strips is not None
-    values, ends = picture.points[x], list[float]()
-    for number, strip in enumerate(strips.rows):
+    values, ends, rows = picture.points[x], list[float](), strips.of(facet)
+    for number, strip in enumerate(rows):
         spans = strip.spans(values)
         ends += [end for span in spans for end in (span.low, span.high)]
         for look in dict.fromkeys((span.kind, span.hatch) for span in spans):
@@ -44,9 +45,9 @@ def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
                 axis.broken_barh(own, (-number - 0.36, 0.72), facecolor="none", hatch=look[1], edgecolor=BLACK, lw=0.0)
         for span in (span for span in spans if span.lined):
             axis.plot([span.low, span.high], [-number - 0.43] * 2, color=BLACK, lw=1.4, solid_capstyle="butt")
-    labels = [strip.label for strip in strips.rows]
+    labels = [strip.label for strip in rows]
     axis.set_yticks([-number for number in range(len(labels))], labels, fontsize=8.5)
-    for text, strip in zip(axis.get_yticklabels(), strips.rows, strict=True):
+    for text, strip in zip(axis.get_yticklabels(), rows, strict=False):
         text.set_color(strip.colour)
     if ends and min(ends) < max(ends):
         axis.set_xlim(min(ends), max(ends))
@@ -54,13 +55,13 @@ def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
     axis.grid(visible=False)
     axis.tick_params(axis="y", length=0)
     axis.spines["left"].set_visible(False)
-    _tell(axis, strips, values)
+    _tell(axis, rows, values)
 
 
-def _tell(axis: Axes, strips: Strips, values: Any) -> None:
+def _tell(axis: Axes, rows: Sequence[Strip], values: Any) -> None:
     """Write the texts of intervals above them, as far as there is room."""
     low, high = axis.get_xlim()
-    for number, strip in enumerate(strips.rows):
+    for number, strip in enumerate(rows):
         free = -np.inf
         for span in (span for span in strip.spans(values) if span.text):
             middle = 0.5 * (span.low + span.high)

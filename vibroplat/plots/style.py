@@ -110,30 +110,20 @@ def new_figure(
     size: tuple[float, float],
     above: float = 0.0,
     *,
-    sharex: bool | str = False,
-    sharey: bool | str = False,
-    widths: Sequence[float] | None = None,
     heights: Sequence[float] | None = None,
-) -> tuple[Figure, Any, Any]:
-    """Return a figure of a size (inch), its axes in rows and columns, and a strip of a height above them, or None.
+    widths: Sequence[float] | None = None,
+    **shared: Any,
+) -> tuple[Figure, Any, list[Any]]:
+    """Return a figure of a size (inch), its axes in rows and columns, and those of a height above each column, if any.
 
-    Axes share the horizontal axis with all others or their column (``col``), and the vertical one with their row.
+    ``shared`` says which axes share their values, as matplotlib's ``Figure.subplots`` takes it.
     """
     figure = _Figure(figsize=(size[0], size[1] + above))
     each = size[1] / max(rows, 1)
     parts = [*([above] if above else []), *(each * height for height in heights or [1.0] * rows)]
-    grid = figure.add_gridspec(rows + bool(above), columns, height_ratios=parts, width_ratios=widths)
-    strip = figure.add_subplot(grid[0, :]) if above else None
-    axes: Any = np.empty((rows, columns), dtype=object)
-    for row, column in np.ndindex(rows, columns):
-        first = axes[0, column if sharex == "col" else 0]
-        along = (first or strip) if sharex else None
-        beside = axes[row, 0] if sharey and column else None
-        axes[row, column] = figure.add_subplot(grid[row + bool(above), column], sharex=along, sharey=beside)
-        axes[row, column].tick_params(labelbottom=not sharex or row == rows - 1, labelleft=beside is None)
-    if strip is not None and rows:
-        strip.tick_params(labelbottom=False)
-    return figure, axes, strip
+    look: dict[str, Any] = {"height_ratios": parts, "width_ratios": widths, "squeeze": False}
+    axes: Any = figure.subplots(len(parts), columns, **look, **shared)
+    return (figure, axes[1:], list(axes[0])) if above else (figure, axes, [])
 
 
 def head(figure: Figure, title: str, caption: str = "") -> None:

@@ -268,9 +268,13 @@ class Strips:
     line: str = ""
     label: str = ""
 
+    def of(self, facet: Facet | None) -> Sequence[Strip]:
+        """Return the strips of a facet, or all of them."""
+        return [self.rows[number] for number in facet.strips] if facet and facet.strips else self.rows
+
 
 class Facet(NamedTuple):
-    """Panels of some series alone, by their numbers.
+    """Panels of some series alone, by their numbers, and strips, all of them if there are no numbers.
 
     With a ``width``, over that of others, they have a horizontal axis of their own.
     """
@@ -278,6 +282,7 @@ class Facet(NamedTuple):
     label: str
     series: Sequence[int]
     width: float = 0.0
+    strips: Sequence[int] = ()
 
 
 class Line(NamedTuple):

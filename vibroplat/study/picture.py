@@ -174,11 +174,11 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     labels = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
     series, facets = list[picture.Series](), list[picture.Facet]()
     for label in labels:
-        own = [rows for rows in sweeps.branches if sweeps.label(rows.iloc[0]) == label]
-        made = [*_dots(sweeps, table, own)]
-        facets.append(picture.Facet(label, range(len(series), len(series) + len(made))))
+        numbers = [n for n, rows in enumerate(sweeps.branches) if sweeps.label(rows.iloc[0]) == label]
+        made = [*_dots(sweeps, table, [sweeps.branches[n] for n in numbers])]
+        facets.append(picture.Facet(label, range(len(series), len(series) + len(made)), strips=numbers))
         series += made
-    drawn, strips = _with_periods(sweeps, table, labels)
+    drawn, strips = _with_periods(sweeps, table)
     return picture.Picture(
         name="bifurcation",
         heading="Bifurcation diagram",
@@ -211,18 +211,15 @@ def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> I
             )
 
 
-def _with_periods(
-    sweeps: Sweeps, table: pd.DataFrame, labels: Sequence[str]
-) -> tuple[pd.DataFrame, picture.Strips | None]:
+def _with_periods(sweeps: Sweeps, table: pd.DataFrame) -> tuple[pd.DataFrame, picture.Strips | None]:
     """Return the drawn points with those of the sweep behind them, and strips of the periods along each branch."""
     begin, whole = len(table), sweeps.table.reset_index(drop=True)
     strips = []
     for rows in sweeps.branches:
         kinds, period = period_kinds(rows), rows["period"].to_numpy(dtype=float, na_value=np.nan)
         texts = [f"{period[n]:g}" if kind == "n" else "" for n, kind in enumerate(kinds)]
-        first = rows.iloc[0]
-        name = " ".join(filter(None, (sweeps.label(first) if len(labels) > 1 else "", str(first["direction"]))))
-        colour = _COLOURS.get(str(first["direction"]), picture.BLUE)
+        name = str(rows["direction"].iloc[0])
+        colour = _COLOURS.get(name, picture.BLUE)
         strips.append(picture.Strip(name, colour, (begin + rows.index).tolist(), kinds, (), (), texts))
     drawn = pd.concat(
         [table, whole[list(dict.fromkeys(name for name in (sweeps.x, sweeps.key) if name in whole))]], ignore_index=True
