@@ -22,6 +22,8 @@ MAX_KEYS, MAX_MEASURES, MAX_ELASTICITIES = 4, 3, 3
 END_DISTANCE = 1e-3
 #: Relative difference of objectives up to which searches agree.
 OBJECTIVE_TOLERANCE = 1e-4
+#: What begins the line of samples.
+SAMPLED = "within the tolerances"
 #: Smallest fraction of a variance that is printed.
 MIN_PRINTED_FRACTION = 0.005
 
@@ -92,7 +94,7 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
     texts = [f"{percent(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
     together = [*count_satisfied(plan, samples).values()][:1]
     texts += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
-    yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(texts)}"
+    yield f"{counted(len(samples), 'machine')} {SAMPLED}: {', '.join(texts)}"
     yield from quantile_lines(plan, samples, contributions, MAX_MEASURES)
 
 

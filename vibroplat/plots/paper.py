@@ -116,7 +116,7 @@ def _largest(column: str, curves: Sequence[tuple[pd.DataFrame, str, str]]) -> st
     if not best:
         return "Every point failed"
     largest = titles.several([float(row[column]) for row in best], unit_of(column))
-    return f"{display_name(column)} at most {largest} at {titles.place(EXCITATION, [row[EXCITATION] for row in best])}"
+    return f"Largest {display_name(column)} {largest} at {titles.place(EXCITATION, [row[EXCITATION] for row in best])}"
 
 
 def _fig2(result: Result) -> Picture:

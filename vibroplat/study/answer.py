@@ -61,12 +61,19 @@ def range_text(key: str, values: pd.Series) -> str:
 
 def motions_text(table: pd.DataFrame) -> str:
     """Count the motions that are not periodic, and those that repeat after several turns."""
-    several = ("of period " + table["period"].astype(str)).where(table["period"].gt(1).fillna(False), "")
+    several = ("of period " + table["period"].astype("Int64").astype(str)).where(
+        table["period"].gt(1).fillna(False), ""
+    )
     names = table["motion"].where(table["motion"] != "periodic", several)
     odd = names[names != ""].value_counts()
     texts = [f"{count} {name}" for name, count in odd.head(MAX_ROWS).items()]
     others = ["the others repeat every turn"] if odd.sum() < len(table) else []
     return ", ".join([*texts, *others]) if texts else "all repeat every turn"
+
+
+def main_rms(points: pd.DataFrame) -> str:
+    """Return the column of the direction in which the platform vibrates most."""
+    return RMS if "rms_x_m" not in points or points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
 
 
 def _counts(points: pd.DataFrame) -> str:
@@ -92,7 +99,7 @@ def _rows(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) ->
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
     both_ways = len(points["direction"].unique()) > 1
-    height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
+    height = main_rms(points)
     columns = {f"at {axis_label(key)}": [name for name, _ in groups]}
     for kind in kinds[:MAX_JUMPS]:
         columns[kind] = [_cell(changes.get(kind, {}), values, both_ways=both_ways) for changes in jumps]

@@ -182,7 +182,7 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     return picture.Picture(
         name="bifurcation",
         heading="Bifurcation diagram",
-        title=titles.sentence(titles.motions(sweeps.table)) or "Every point failed",
+        title=titles.motions(sweeps.table),
         table=table,
         table_name="section and impacts",
         drawn=drawn,
@@ -267,7 +267,7 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     return picture.Picture(
         name="map",
         heading="Map",
-        title=titles.regimes(sweeps),
+        title=titles.motions(sweeps.table),
         table=table,
         table_name="sweep",
         special=curves if len(curves) else None,
