@@ -5,14 +5,13 @@ import itertools
 import numpy as np
 import pandas as pd
 import pytest
-from common.results import read_json
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import RunTables, spectrum_of
-from vibroplat.results.tables import read_table
+from vibroplat.results.tables import read_json, read_table
 
 from .conftest import drawn
 

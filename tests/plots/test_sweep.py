@@ -16,7 +16,7 @@ from vibroplat.columns import PHASE
 from vibroplat.errors import TableError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.command import plot_results
-from vibroplat.plots.style import MOST_ENTRIES
+from vibroplat.results.legend import MOST_ENTRIES
 from vibroplat.results.picture import SYNC
 from vibroplat.results.tables import write_table
 

@@ -17,8 +17,8 @@ from matplotlib.ticker import MaxNLocator
 from vibroplat.config.circular import ranked, shown_value
 from vibroplat.config.coordinates import TURN
 from vibroplat.plots.axes import in_decades, label_axis
-from vibroplat.plots.strips import PALE
 from vibroplat.results.labels import halfway, in_ratios, key_name
+from vibroplat.results.legend import HATCH, TILE
 from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series, on_axis
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 #: Bars of a panel, dots from which on they are smaller, and fractions of points that are marked (%).
 BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
-#: Hatch of tiles of points that failed, and most ticks of their vertical axis.
-HATCH, _TICKS = "xxxx", 12
+#: Most ticks of the vertical axis of tiles.
+_TICKS = 12
 #: Largest real and imaginary part on the plane, and the smallest frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
 
@@ -90,7 +90,7 @@ def _tiles(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> Non
     points, (values, colours, norm) = picture.points, colour_numbers(panel, picture.points)
     rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
-    shades, alpha = pd.Series(values[rows], table.index), PALE if panel.classes else None
+    shades, alpha = pd.Series(values[rows], table.index), TILE if panel.classes else None
     _tile(axis, table, panel.column, shades, colours, norm, x, alpha)
     _over_tiles(axis, panel, table, x)
     levels = np.unique(table[panel.column])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -21,12 +21,12 @@ from vibroplat.columns import PHASE_COLUMN
 from vibroplat.plots.axes import begin_at_zero, in_decades, label_axis, show_phases, widen_ticks, write_each
 from vibroplat.plots.layout import Cell, cells_of
 from vibroplat.plots.measured import Measured, curve_of
-from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
-from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
-from vibroplat.plots.style import CAPTION_COLOUR, entry, few, head, legend_below
+from vibroplat.plots.panels import DRAWERS, colour_numbers, with_gap
+from vibroplat.plots.strips import draw_jumps, draw_strips, draw_words
+from vibroplat.plots.style import CAPTION_COLOUR, head, legend_below
 from vibroplat.results.labels import is_number
+from vibroplat.results.legend import BAND, FILLINGS, HALF, SHADE, Entry, legend_of, legend_of_strips
 from vibroplat.results.picture import (
-    BEHIND,
     BLACK,
     BROKEN,
     FAILED,
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
 
     from vibroplat.kernels.compiled import FloatArray
 
-#: Fillings of markers by the state of a point.
-_FILLINGS = ("full", "none", "bottom", "none")
 _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0, "mew": 1.4}
 #: Most entries of a legend in the place of a panel that is left empty, most dots that are drawn as such, and most wraps
 #: of a line of common width; of more, nothing but a drift is to be seen.
@@ -54,8 +52,6 @@ MOST_WITHIN, MOST_DOTS, MOST_WRAPS = 11, 2000, 60
 #: An axis that has room for numbers near 0 is linear up to this distance from it, and logarithmic farther away;
 #: and about how many ticks have room there.
 NEAR_ZERO, MAX_TICKS = 1e-3, 6
-#: Opacity of shaded intervals, of bands, and of pale marks.
-_SHADE, _BAND, _HALF = 0.15, 0.25, 0.5
 
 
 # -- series ------------------------------------------------------------------------------------------------------------
@@ -73,7 +69,7 @@ class _Pen:
         self.states = np.append(states, np.zeros(len(x), dtype=int))[series.places]
         layer = 2.5 if not series.pale else 1.5 if series.mode == "markers" else 2.4
         self.look: dict[str, Any] = {"color": series.colour, "in_layout": False, "zorder": layer}
-        self.look |= {"alpha": _HALF} if series.pale else {}
+        self.look |= {"alpha": HALF} if series.pale else {}
 
     def line(self, y: FloatArray, *, wraps: bool) -> None:
         """Draw a line; a single point is a dot."""
@@ -90,7 +86,7 @@ class _Pen:
         for state in np.unique(self.states[self.series.places != BROKEN]):
             chosen = (self.states == state) & (self.series.places != BROKEN)
             if state != LOST:
-                filled = symbol | {"fillstyle": _FILLINGS[state], "markerfacecoloralt": "white"}
+                filled = symbol | {"fillstyle": FILLINGS[state], "markerfacecoloralt": "white"}
                 self.axis.add_line(Line2D(self.x[chosen], y[chosen], **filled, **self.look))
             elif np.isfinite(self.x[chosen]).any():
                 across, zero = self.axis.get_xaxis_transform(), np.zeros(int(chosen.sum()))
@@ -104,9 +100,9 @@ class _Pen:
     def band(self, low: FloatArray, high: FloatArray) -> None:
         """Draw what lies between two curves, and these as thin lines."""
         if not self.series.pale:
-            self.axis.fill_between(self.x, low, high, color=self.look["color"], lw=0.0, alpha=_BAND)
+            self.axis.fill_between(self.x, low, high, color=self.look["color"], lw=0.0, alpha=BAND)
             if np.isfinite(low).sum() == 1:  # which has no area
-                self.axis.vlines(self.x, low, high, self.look["color"], lw=4.0, alpha=_BAND)
+                self.axis.vlines(self.x, low, high, self.look["color"], lw=4.0, alpha=BAND)
         for edge in (low, high):
             self.axis.add_line(Line2D(self.x, edge, lw=0.7, ls=self.series.dash, **self.look))
 
@@ -168,8 +164,8 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         bar = figure.colorbar(ScalarMappable(norm, dark), ax=figure.axes, aspect=50, pad=0.01)
         label_axis(bar.ax.yaxis, picture.scale, picture.unit(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
-    entries = [*legend_of(picture), *(measured if data is not None else [])]
-    entries = [*{str(one.get_label()): one for one in entries}.values()]
+    named = [] if picture.strips is None else legend_of_strips(picture.strips)
+    entries = [*map(handle_of, [*named, *legend_of(picture)]), *(measured if data is not None else [])]
     empty = next((axis for axis in figure.axes if not axis.axison), None)
     if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
         empty.legend(handles=entries, loc="center", fontsize=8.0)
@@ -249,7 +245,7 @@ def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
             draw(value, color=line.colour, lw=0.9, ls=line.dash, zorder=1.5)
     for one in picture.ranges:
         if one.column == over:
-            axis.axvspan(one.low, one.high, color=REFERENCE, alpha=_SHADE, lw=0.0, zorder=0.5)
+            axis.axvspan(one.low, one.high, color=REFERENCE, alpha=SHADE, lw=0.0, zorder=0.5)
 
 
 def _limit(axis: Axes, panel: Panel) -> None:
@@ -271,59 +267,17 @@ def _limit(axis: Axes, panel: Panel) -> None:
 # -- legends -----------------------------------------------------------------------------------------------------------
 
 
-def legend_of(picture: Picture) -> list[Any]:
-    """Return the entries of a legend: what colours, lines, fillings and marks mean, of those that the picture needs."""
-    series, entries = picture.series, [] if picture.strips is None else [*entries_of(picture.strips)]
-    if not picture.scale:
-        entries += few([_labelled(one) for one in {one.label: one for one in series if one.label}.values()])
-    for panel in picture.panels:
-        entries += _of_classes(picture, panel)
-    entries += [*_looks(picture)]
-    if picture.jumps:
-        entries.append(entry("jump", color=REFERENCE, lw=0.6, ls=":", marker="^", ms=3.0, mew=0.0))
-    for mark in picture.marks:
-        entries.append(entry(": ".join(filter(None, (mark.kind, mark.meaning))), **_marked(mark)))
-    entries += [
-        entry(line.label, color=line.colour, lw=0.9, ls=line.dash) for line in picture.lines if line.label and line.at
-    ]
-    entries += [entry(one.label, color=REFERENCE, alpha=_SHADE, lw=5.0) for one in picture.ranges]
-    return entries
-
-
-def _labelled(one: Series) -> Any:
-    """Return the legend entry of a colour."""
-    if one.mode in ("band", "shade"):
-        return Patch(color=one.colour, alpha=_BAND if one.mode == "band" else 1.0, lw=0.0, label=one.label)
-    if one.mode in ("markers", "dots"):
-        return entry(one.label, color=one.colour, marker=one.symbol, ls="", ms=4.0)
-    return entry(one.label, color=one.colour, lw=2.0, ls=one.dash if one.mode == "lines" and not one.look else "-")
-
-
-def _of_classes(picture: Picture, panel: Panel) -> Iterator[Any]:
-    """Yield entries of the colours, hatches and contours of a panel."""
-    rows = np.concatenate([one.places for one in picture.series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
-    tiles, hatched = panel.kind == "tiles", dict[str, Any](facecolor="white", edgecolor="black", lw=0.3)
-    if tiles and (picture.states == LOST).any():
-        yield Patch(hatch=HATCH, label="failed", **hatched)
-    known = {*picture.points[panel.by].iloc[rows]} if panel.classes else ()
-    for name in (name for name in panel.classes if name in known):
-        yield Patch(facecolor=panel.classes[name][0], alpha=PALE if tiles else 1.0, label=panel.classes[name][1])
-    yield from (Patch(hatch=hatch, label=text, **hatched) for hatch, text in panel.hatches.items())
-    for dash, text in panel.contours.levels.values() if panel.contours else ():
-        yield entry(text, color=BLACK, lw=0.9, ls=dash)
-
-
-def _looks(picture: Picture) -> Iterator[Line2D]:
-    """Yield the legend entries of lines and symbols, and of classes of points."""
-    for name, one in {one.look: one for one in picture.series if one.look}.items():
-        colour = BEHIND if one.colour == BEHIND else REFERENCE
-        line = {"ls": one.dash if one.mode in ("lines", "both") else "", "lw": 0.9 * one.width, "color": colour}
-        marker = {} if one.mode == "lines" else {"marker": one.symbol, "ms": 4.5 * one.size}
-        yield entry(name, alpha=_HALF if one.pale else None, **line, **marker)
-    marked = [one.places[one.places != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
-    rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), picture.states
-    looks = np.unique(states[rows[rows < len(states)]])
-    for state in looks if looks.any() else ():
-        look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
-        if meaning := picture.meanings[state]:
-            yield entry(meaning, **dict(_CROSS) if state == LOST else look | {"fillstyle": _FILLINGS[state]})
+def handle_of(entry: Entry) -> Any:
+    """Return how matplotlib draws an entry of a legend."""
+    if entry.kind == "area":
+        look: dict[str, Any] = {"edgecolor": BLACK, "lw": 0.3} if entry.hatch else {"lw": 0.0}
+        return Patch(facecolor=entry.colour, alpha=entry.opacity, hatch=entry.hatch or None, label=entry.label, **look)
+    line: dict[str, Any] = {
+        "fillstyle": entry.filling,
+        "ls": entry.dash if entry.kind == "line" else "",
+        "lw": entry.width,
+        "color": entry.colour,
+    }
+    width = 1.4 if entry.symbol == "x" else 0.7
+    look = {"marker": entry.symbol or None, "ms": entry.size, "mew": width, "markerfacecoloralt": "white"}
+    return Line2D([], [], label=entry.label, alpha=entry.opacity, **line, **look)

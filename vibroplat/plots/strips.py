@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.patches import Patch
 
-from vibroplat.plots.style import entry
-from vibroplat.results.picture import BLACK, Facet, Panel, Picture, Strip, Strips, on_axis
+from vibroplat.results.legend import TILE
+from vibroplat.results.picture import BLACK, Facet, Panel, Picture, Strip, on_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Height of a strip, of one that is a bar without panels below, and of the space around them (inch).
 STRIP, BAR, AROUND = 0.17, 0.36, 0.4
-#: Opacity of strips, and the fraction of an axis that a letter takes.
-PALE, LETTER = 0.75, 0.011
+#: Fraction of an axis that a letter takes.
+LETTER = 0.011
 
 
 def height_of(picture: Picture) -> float:
@@ -40,7 +39,7 @@ def draw_strips(axis: Axes, picture: Picture, facet: Facet, x: str) -> None:
         for look in dict.fromkeys((span.kind, span.hatch) for span in spans):
             own = [(span.low, span.high - span.low) for span in spans if (span.kind, span.hatch) == look]
             colour = strips.classes[look[0]][0] if look[0] in strips.classes else "white"
-            axis.broken_barh(own, (-number - 0.36, 0.72), facecolor=colour, alpha=PALE, lw=0.0)
+            axis.broken_barh(own, (-number - 0.36, 0.72), facecolor=colour, alpha=TILE, lw=0.0)
             if look[1]:
                 axis.broken_barh(own, (-number - 0.36, 0.72), facecolor="none", hatch=look[1], edgecolor=BLACK, lw=0.0)
         for span in (span for span in spans if span.lined):
@@ -69,16 +68,6 @@ def _tell(axis: Axes, rows: Sequence[Strip], values: Any) -> None:
             if middle - half > free:
                 axis.text(middle, -number, span.text, ha="center", va="center", fontsize=7.0)
                 free = middle + half
-
-
-def entries_of(strips: Strips) -> Iterator[Any]:
-    """Yield the legend entries of the colours, hatches and lines of strips."""
-    for colour, text in strips.classes.values():
-        yield Patch(facecolor=colour, alpha=PALE, label=text)
-    for hatch, text in strips.hatches.items():
-        yield Patch(facecolor="white", edgecolor=BLACK, hatch=hatch, lw=0.3, label=text)
-    if strips.line:
-        yield entry(strips.line, color=BLACK, lw=1.4)
 
 
 def draw_jumps(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:

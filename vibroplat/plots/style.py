@@ -16,15 +16,12 @@ from typing import Any, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
 from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
-#: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
-MOST_ENTRIES = 24
 #: Room for a tick of a horizontal and of a vertical axis (inch), and letters of a label of the latter that an inch has.
 TICK, TICK_ABOVE, LABEL = 0.65, 0.28, 13.5
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
@@ -162,19 +159,6 @@ def _wrapped(text: str, letters: float, least: int = 20) -> str:
     lines = wrap(short, max(int(letters), least), break_on_hyphens=False)
     broken = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
     return re.sub("\x00", lambda _: next(formulas), broken)
-
-
-def entry(label: str, **look: Any) -> Line2D:
-    """Return an entry of a legend with the look of a line or of its markers."""
-    return Line2D([], [], label=label, **look)
-
-
-def few(entries: Sequence[Line2D]) -> list[Line2D]:
-    """Return at most as many entries of a legend as fit below a figure; the last says how many were left out."""
-    if len(entries) <= MOST_ENTRIES:
-        return list(entries)
-    places = np.linspace(0, len(entries) - 1, MOST_ENTRIES).round().astype(int)
-    return [entries[i] for i in places] + [entry(f"and {len(entries) - MOST_ENTRIES} more between them", ls="")]
 
 
 def legend_below(figure: Figure, handles: Iterable[Any]) -> None:

@@ -15,10 +15,8 @@ from vibroplat.results import picture
 from vibroplat.results.labels import key_name
 from vibroplat.study.bands import find_jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
-from vibroplat.study.sweeps import Sweeps, key_of
+from vibroplat.study.sweeps import MAX_COLOURS, Sweeps, key_of
 
-#: Most values of a key that have colours of their own; more of them follow a colour scale.
-MAX_COLOURS = 5
 #: Height of a jump that has an arrow, relative to the range of its panel.
 MIN_ARROW_HEIGHT = 0.05
 #: Most strips of a picture.

@@ -20,7 +20,6 @@ from vibroplat.study import titles
 from vibroplat.study.branches import EXCITATION, SUPPLY
 from vibroplat.study.curves import (
     HATCHES,
-    MAX_COLOURS,
     PERIODS,
     curves_of,
     fill_failed,
@@ -29,7 +28,7 @@ from vibroplat.study.curves import (
     strips_of,
     sync_classes,
 )
-from vibroplat.study.sweeps import Sweeps, read
+from vibroplat.study.sweeps import MAX_COLOURS, Sweeps, read
 
 OPTIONS = ("x", "data", "measure")
 #: Colours of the directions of a bifurcation diagram.
@@ -89,11 +88,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     drawn = table.astype({sweeps.x: float})
     for rows in sweeps.branches:
         drawn.loc[rows.index, sweeps.x] = fill_failed(rows, sweeps.x)
-    names = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
-    scale = sweeps.scale if len(names) > MAX_COLOURS else ""
-    shown = table.groupby([*sweeps.varied], sort=False)[scale].first() if scale else ()
-    shades = picture.shades(list(map(float, shown))) if scale else picture.palette(len(names))
-    colours = dict(zip(names, shades, strict=True))
+    colours, scale = sweeps.colours, sweeps.shown_scale
     strips = strips_of(sweeps, colours)
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
