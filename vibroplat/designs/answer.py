@@ -11,7 +11,7 @@ import pandas as pd
 from vibroplat.basin.fractions import clopper_pearson
 from vibroplat.columns import display_name, is_angle, unit_of
 from vibroplat.config.circular import NO_MEAN, centre_text, on_line, value_text
-from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, percent, prefixed, quantity
+from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, MISSING, NEGLIGIBLE, number, percent, prefixed, quantity
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs.samples import QUANTILES
 from vibroplat.results.answer import counted, in_columns
@@ -113,7 +113,7 @@ def quantile_lines(
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
         label = display_name(name) + centre_text(name, samples[name])
         texts = [f"{label} ({unit})" if unit else label]
-        within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
+        within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else MISSING
         own = contributions[contributions["measure"] == name].sort_values("regression", ascending=False, kind="stable")
         parts = zip(own["key"].head(MAX_KEYS if most is None else 1), own["regression"], strict=False)
         explained = ", ".join(f"{key} {percent(part)}" for key, part in parts if part >= MIN_PRINTED_FRACTION)

@@ -130,7 +130,7 @@ def align_lines(lines: Sequence[str]) -> str:
     """Return printed lines: those in columns as tables, whose cells are broken where there is no room."""
     html = ""
     for columns, rows in groupby((re.split(" {2,}", line.rstrip()) for line in lines), key=len):
-        texts = [[escape(cell) for cell in row] for row in rows]
+        texts = [[re.sub(r"(?<=\d) (?=[^\d\s])", "\N{NO-BREAK SPACE}", escape(cell)) for cell in row] for row in rows]
         if columns == 1:
             html += "".join(f"<p>{row[0]}</p>" for row in texts)
         else:

@@ -165,7 +165,10 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         label_axis(bar.ax.yaxis, picture.scale, picture.unit(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
     named = [] if picture.strips is None else legend_of_strips(picture.strips)
-    entries = [*map(handle_of, [*named, *legend_of(picture)]), *(measured if data is not None else [])]
+    entries = [
+        *map(handle_of, [*named, *legend_of(picture, colours=not picture.scale)]),
+        *(measured if data is not None else []),
+    ]
     empty = next((axis for axis in figure.axes if not axis.axison), None)
     if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
         empty.legend(handles=entries, loc="center", fontsize=8.0)

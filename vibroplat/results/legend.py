@@ -56,10 +56,10 @@ class Entry(NamedTuple):
         return f"{self.text}: {self.more}" if self.more else self.text
 
 
-def legend_of(picture: Picture) -> list[Entry]:
-    """Return the entries of what a picture shows, one for each text; those of its strips are their own."""
-    colours = {one.label: _of_colour(one) for one in picture.series if one.label and not picture.scale}
-    entries = _few([*colours.values()])
+def legend_of(picture: Picture, *, colours: bool = True) -> list[Entry]:
+    """Return the entries of what a picture shows, with those of its colours or without them; strips have their own."""
+    named = {one.label: _of_colour(one) for one in picture.series if one.label and colours}
+    entries = _few([*named.values()])
     for panel in picture.panels:
         entries += _of_panel(picture, panel)
     entries += _of_looks(picture)
