@@ -89,14 +89,14 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
     def failing(self, look):
         if len(self.points) < 3 or self.points[-1].chart.places.size < 11:  # without material
             return grow(self, look)
-        self.ended = "no point beyond: for a test"
+        self.ended = "no further orbit found: for a test"
         return False
 
     monkeypatch.setattr(Branch, "extend", failing)
     done = command("orbits", config(ORBITS))
     assert done.code == 1
     assert done.err.splitlines() == [
-        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no point beyond: for a test",
+        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no further orbit found: for a test",
         "vibroplat: 1 of the branches failed",
     ]
     assert results()["branches.parquet"]["material.mass_ratio"].value_counts()[0.1] == 3

@@ -106,7 +106,7 @@ def quantile_lines(
     names = [name for name in (*asked, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:most]
     each = len(plan.constraints) > 1
-    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each, "fraction of the variance"]]
+    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["within bound"] * each, "fraction of the variance"]]
     for name in shown:
         values = pd.Series(on_line(name, samples[name])).quantile(list(QUANTILES)).tolist()
         factor, unit = (1.0, "rad") if is_angle(name) else prefixed(values[1], unit_of(name))

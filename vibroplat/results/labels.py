@@ -93,9 +93,9 @@ def in_ratios(values: Any) -> bool:
 
 
 def halfway(values: Any) -> Any:
-    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms.
+    """Return the edges of tiles around ascending values: midway (geometric midpoints if they are in equal ratios).
 
-    Where no value is below 0, no edge is.
+    Edges are clipped at 0 unless a value is negative.
     """
     if not len(values):
         return np.asarray(values, dtype=float)

@@ -1,7 +1,7 @@
 """A picture as data: what a study's tables show, drawn in print by one function and on the page by another.
 
-A picture has points, the rows of a table and behind them those of a second table of special points. Whatever it shows
-tells its points by their places in this order. Names of numbers and units follow from the names of their columns.
+A picture has points, the rows of a table and behind them those of a second table of special points. Series, marks
+and strips refer to points by index into this sequence. Names of numbers and units follow from names of columns.
 """
 
 from __future__ import annotations

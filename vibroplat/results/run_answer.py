@@ -133,7 +133,7 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 def _period(summary: Mapping[str, Any]) -> str:
     turns, change = summary.get("period"), summary.get("stroke_change") or 0.0
     if change > SETTLED:
-        return f"; {percent(change)} of the stroke may decay"
+        return f"; not settled: the stroke may still fall by {percent(change)}"
     if turns == 0:
         return "; does not repeat yet"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"

@@ -100,8 +100,8 @@ class Sheet:
             "Amplitude and stroke": self._strokes(),
             "Conveying": self._conveying() if scene.transport is not None else [],
             "Force into the foundation": self._loads(),
-            "Motors, each or 1 / 2": self._motors(),
-            "Bearings, each or 1 / 2": self._bearings(),
+            "Motors (each, or 1 / 2)": self._motors(),
+            "Bearings (each, or 1 / 2)": self._bearings(),
             "Synchronization": self._synchronization(),
             POINTS: [*map(self._point, scene.output.points), *map(self._spring, scene.output.springs)],
             "Material": self._material() if scene.has_contact else [],
@@ -131,8 +131,8 @@ class Sheet:
         yield from (row.short for row in rows)
         if of_seeds:
             count, captured = of_seeds["seeds"], of_seeds.get("captured")
-            ends = f"at least {captured} are captured" if captured else "times are of the first"
-            text = f"one more run is larger in {percent(1.0 / (count + 1))} of cases; {ends}"
+            ends = f"at least {captured} are captured" if captured else "times refer to run 1"
+            text = f"run {count + 1} exceeds these with probability {percent(1.0 / (count + 1))}; {ends}"
             yield "largest values", f"of {counted(count, 'run')}", text if count > 1 else "run.perturbation is 0"
 
     def facts(self) -> Iterator[str]:
