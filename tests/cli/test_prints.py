@@ -329,9 +329,9 @@ def test_peaks_of_several_seeds_are_ranges(runs):
     assert "largest 9.0 … 18.0 mm at " in lines[0]
     assert "largest 1 … 400 N at " in next(line for line in lines if line.startswith("foundation, x"))
     assert lines[-1].split()[:5] == ["largest", "values", "of", "19", "runs"]
-    assert lines[-1].endswith("  run 20 exceeds these with probability 5.0 %; times refer to run 1")
+    assert lines[-1].endswith("  run 20 is larger with probability 5.0 %; times refer to run 1")
     for numbers, end in (
-        ({"captured": 3}, "of cases; at least 3 are captured"),
+        ({"captured": 3}, "at least 3 are captured"),
         ({"seeds": 1}, "  run.perturbation is 0"),
     ):
         known = run.summary | {"peaks_of_seeds": found | numbers}

@@ -132,7 +132,7 @@ class Sheet:
         if of_seeds:
             count, captured = of_seeds["seeds"], of_seeds.get("captured")
             ends = f"at least {captured} are captured" if captured else "times refer to run 1"
-            text = f"run {count + 1} exceeds these with probability {percent(1.0 / (count + 1))}; {ends}"
+            text = f"run {count + 1} is larger with probability {percent(1.0 / (count + 1))}; {ends}"
             yield "largest values", f"of {counted(count, 'run')}", text if count > 1 else "run.perturbation is 0"
 
     def facts(self) -> Iterator[str]:
