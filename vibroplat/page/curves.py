@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from vibroplat.columns import FORCES
-from vibroplat.page.panels import points, strips
+from vibroplat.page.panels import entry_html, points, strips
 from vibroplat.page.run import ShownRun
-from vibroplat.page.svg import Plot, plain_text
+from vibroplat.page.svg import Plot
 from vibroplat.page.view import View, axis_name, heading, places_of
 from vibroplat.plots.histories import FURTHER, POWERS
 from vibroplat.plots.run import FIGURES, RunPicture, curve, missing, of_both
 from vibroplat.results.labels import capital
+from vibroplat.results.legend import legend_of
 from vibroplat.results.picture import VERMILION, Facet, Panel, Picture
 
 #: Shortest time from the beginning of a run in which its start is shown (s).
@@ -122,9 +123,8 @@ def _plots(picture: Picture, panel: Panel) -> list[Plot]:
             plot = points(view, panel, shown)
             plot.look = ""
             plot.title = ", ".join(filter(None, (name, facet.label.partition(":")[0])))
-            labels = {plain_text(one.label): one.colour for one in shown if one.label and one.mode != "shade"}
-            plot.key = [*labels.items()] if len(labels) > 1 or any(" = " in label for label in labels) else []
-            looks = {one.look: one.dash for one in shown if one.look and one.dash != "-"}
-            plot.note = " ".join(filter(None, (plot.note, *(f"dashed: {look}" for look in looks))))
+            named = [one for one in shown if one.mode != "shade"]
+            entries = legend_of(replace(picture, panels=(), lines=(), series=named))
+            plot.key = [*map(entry_html, entries)] if len(entries) > 1 or " = " in entries[0].text else ()
             plots.append(plot)
     return plots

@@ -13,6 +13,7 @@ from contourpy import contour_generator
 from vibroplat.columns import display_name
 from vibroplat.config.circular import ranked, shown_value
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text
+from vibroplat.page.text import escape
 from vibroplat.page.view import (
     View,
     axis_name,
@@ -23,24 +24,52 @@ from vibroplat.page.view import (
     places_of,
 )
 from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan, on_axis
+from vibroplat.results.legend import HALF, Entry, legend_of_strips
+from vibroplat.results.picture import (
+    BLACK,
+    FULL,
+    LOST,
+    LOW,
+    REFERENCE,
+    VERMILION,
+    Facet,
+    Panel,
+    Series,
+    Strip,
+    StripSpan,
+    on_axis,
+)
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
 #: What columns of classes are called.
 _CALLED = {"sync": "synchronization"}
-#: What the hatches of the page are called.
-HATCHES = ("stripes", "bars", "dots")
+#: Numbers of the page's hatches by matplotlib's.
+HATCHES = {"/////": 0, "....": 2}
 #: Samples up to which dots are large, and failed points that are marked.
 MAX_MARKED = 400
 #: Width of a band of a single point.
 BAND_WIDTH = 5.0
 
 
-def hatch_legend(hatches: Mapping[str, str], more: str) -> str:
-    """Return what hatches mean, and more."""
-    texts = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
-    return plain_text("; ".join(filter(None, (*texts, more))))
+def entry_html(one: Entry) -> str:
+    """Return an entry of a legend."""
+    text, meaning = escape(plain_text(one.text)), f' title="{escape(one.more)}"' if one.more else ""
+    if one.kind == "line" and one.dash == "-" and not one.symbol and one.colour != REFERENCE:
+        return f'<em style="color:{one.colour}">{text}</em>'
+    sample = ""
+    if one.kind == "line":
+        look = f"stroke:{one.colour};stroke-width:1.6;stroke-dasharray:{dashes(one.dash) or 'none'}"
+        sample = f'<svg width="26" height="8"><path d="M0 4H26" style="{look}"/></svg>'
+    elif one.hatch:
+        area = f'<rect width="600" height="480" fill="url(#hatch-{HATCHES.get(one.hatch, "")})"/>'
+        sample = f'<svg width="18" height="12" viewBox="0 0 600 480">{area}</svg>'
+    elif one.kind == "area":
+        opacity = one.opacity if one.opacity < HALF else 1.0
+        sample = f'<b class="box" style="background:{one.colour};opacity:{opacity:g}"></b>'
+    if one.symbol:
+        sample += f'<b style="color:{one.colour}">{SIGNS.get(one.symbol, "◆")}</b>'
+    return f"<span{meaning}>{sample} {text}</span>"
 
 
 def figures(view: View, facet: Facet | None) -> list[str]:
@@ -159,7 +188,6 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     kinds = np.select([chosen for *_, chosen in looks], [name for name, *_ in looks], "")
     classes = {name: (colour, name) for name, colour, _ in looks}
     hatched = points[panel.hatch].to_numpy(dtype=object) if panel.hatch else np.full(len(points), "")
-    plot.note = hatch_legend(panel.hatches, panel.note)
     for row in range(len(levels)):
         own = places[at == row]
         strip = Strip("", "", own.tolist(), kinds[own].tolist(), hatched[own].tolist())
@@ -200,8 +228,7 @@ def _spans(
         if colour:
             plot.box(across, up, colour, plain_text(meaning))
         if span.hatch in hatches:
-            hatch = [*hatches].index(span.hatch) % len(HATCHES)
-            plot.box(across, up, f"url(#hatch-{hatch})", hatches[span.hatch])
+            plot.box(across, up, f"url(#hatch-{HATCHES[span.hatch]})", hatches[span.hatch])
         if span.lined:
             plot.box(across, (row + 0.38, row + 0.46), "#000")
         if span.text:
@@ -273,13 +300,12 @@ def strips(view: View, facet: Facet | None = None) -> list[str]:
     y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in shown])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
     plot.height = f"--h:{24 * len(spans) + 6}px"
-    plot.note = hatch_legend(strips.hatches, f"line: {strips.line}" if strips.line else "")
+    plot.key = [entry_html(one) for one in legend_of_strips(strips)]
     for row, row_spans in enumerate(spans):
         _spans(plot, row, row_spans, strips.classes, strips.hatches, 0.36)
     places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in shown])
     rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in shown])
     view.hits(plot, at[places], rows, places)
-    plot.key = [(plain_text(meaning), colour) for colour, meaning in strips.classes.values()]
     return [plot.html()]
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from vibroplat.page.machine import PLAY, as_json
 from vibroplat.page.orbits import Motions
-from vibroplat.page.panels import SIGNS, figures
+from vibroplat.page.panels import entry_html, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
 from vibroplat.page.tables import fold, hint, rows_on_page, table_html
 from vibroplat.page.text import escape
-from vibroplat.page.view import View, axis_name, dashes, ends_of_scale, heading
-from vibroplat.results.legend import HALF, Entry, legend_of
-from vibroplat.results.picture import REFERENCE, Facet, Picture
+from vibroplat.page.view import View, axis_name, ends_of_scale, heading
+from vibroplat.results.legend import legend_of
+from vibroplat.results.picture import Facet, Picture
 
 #: Room of the figures of a picture, over further axes too, which have all panels once more (bytes).
 ROOM = 450_000
@@ -100,7 +100,7 @@ def _count_orbits(moved: dict[str, Any], count: int) -> str:
 
 def _key(picture: Picture) -> str:
     """Return the legend of a picture, and what colours along a scale mean."""
-    entries = [_entry(one) for one in legend_of(picture) if not one.hatch]  # notes of panels say these
+    entries = [entry_html(one) for one in legend_of(picture)]
     for panel in picture.panels:
         if panel.by and not panel.classes and panel.by in picture.points:
             values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
@@ -108,23 +108,6 @@ def _key(picture: Picture) -> str:
             text = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark"
             entries.append(f"<span>{escape(text.replace(' ,', ','))}</span>")
     return f'<p class="key">{"".join(dict.fromkeys(entries))}</p>' if entries else ""
-
-
-def _entry(one: Entry) -> str:
-    """Return an entry of a legend."""
-    text, meaning = escape(plain_text(one.text)), f' title="{escape(one.more)}"' if one.more else ""
-    if one.kind == "line" and one.dash == "-" and not one.symbol and one.colour != REFERENCE:
-        return f'<em style="color:{one.colour}">{text}</em>'
-    sample = ""
-    if one.kind == "line":
-        look = f"stroke:{one.colour};stroke-width:1.6;stroke-dasharray:{dashes(one.dash) or 'none'}"
-        sample = f'<svg width="26" height="8"><path d="M0 4H26" style="{look}"/></svg>'
-    elif one.kind == "area":
-        opacity = one.opacity if one.opacity < HALF else 1.0
-        sample = f'<b class="box" style="background:{one.colour};opacity:{opacity:g}"></b>'
-    if one.symbol:
-        sample += f'<b style="color:{one.colour}">{SIGNS.get(one.symbol, "◆")}</b>'
-    return f"<span{meaning}>{sample} {text}</span>"
 
 
 # -- what a click shows ------------------------------------------------------------------------------------------------

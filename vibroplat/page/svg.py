@@ -214,7 +214,7 @@ class Plot:
         self.title, self.x, self.y, self.look = title, x, y, look
         self.height = self.note = ""
         self.columns = COLUMNS
-        self.key: list[tuple[str, str]] = []
+        self.key: Sequence[str] = ()
         self.hits = ""
         self._drawn: list[str] = []
         self._texts: list[str] = []
@@ -324,11 +324,11 @@ class Plot:
         numbers = "".join(f'<span class="yt" style="top:{1.0 - at:.2%}">{escape(text)}</span>' for at, text in up)
         numbers += "".join(f'<span class="xt" style="left:{at:.2%}">{escape(text)}</span>' for at, text in across)
         label = f"{self.x.label} ({self.x.unit})" if self.x.label and self.x.unit else self.x.label or self.x.unit
-        key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
         data = f'data-x="{self.x.attributes}" data-y="{self.y.attributes}" {units}{hits}'
-        title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
+        notes = f"{escape(self.y.unit)} {''.join(self.key)} {escape(self.note)}"
+        title = f"<figcaption><b>{escape(self.title)}</b> {notes}</figcaption>"
         texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}<span class="xl">{escape(label)}</span>'
         return (
             f'<figure class="plot {self.look}"{size} {data}>{title}<div class="area"><div class="clip">'
