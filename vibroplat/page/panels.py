@@ -62,7 +62,8 @@ def entry_html(one: Entry) -> str:
         look = f"stroke:{one.colour};stroke-width:1.6;stroke-dasharray:{dashes(one.dash) or 'none'}"
         sample = f'<svg width="26" height="8"><path d="M0 4H26" style="{look}"/></svg>'
     elif one.hatch:
-        area = f'<rect width="600" height="480" fill="url(#hatch-{HATCHES.get(one.hatch, "")})"/>'
+        size, number = 'width="600" height="480"', HATCHES.get(one.hatch, "")
+        area = f'<rect {size} fill="#777"/><rect {size} fill="url(#hatch-{number})"/>'
         sample = f'<svg width="18" height="12" viewBox="0 0 600 480">{area}</svg>'
     elif one.kind == "area":
         opacity = one.opacity if one.opacity < HALF else 1.0

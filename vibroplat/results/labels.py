@@ -253,10 +253,15 @@ def compared(
 
 def legend_names(names: Sequence[str], differences: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return for each of several results its name, and how it differs from the others."""
-    parts = [
-        ", ".join(shortened([plain(value_words(key, value)) for key, value in one.items()])) for one in differences
+    return [
+        plain(f"{name} ({values_text(values)})" if values else name)
+        for name, values in zip(names, differences, strict=True)
     ]
-    return [f"{plain(name)} ({how})" if how else plain(name) for name, how in zip(names, parts, strict=True)]
+
+
+def values_text(values: Mapping[str, Any]) -> str:
+    """Return the values of some keys in words, the first few of many."""
+    return ", ".join(shortened([value_words(key, value) for key, value in values.items()]))
 
 
 def shortened(parts: Sequence[str]) -> list[str]:
