@@ -57,9 +57,9 @@ def test_logarithmic_axes_have_powers():
 
 
 def test_what_hardly_varies_has_an_axis_that_is_not_noise():
-    axis = Scale.of(np.array([5.0, 5.0 + 1e-9]), "motor_power_w")
+    axis = Scale.of(np.array([5.0, 5.0 + 1e-9]), "W", 1.0)
     assert axis.high - axis.low == pytest.approx(5e-3, rel=0.2)
-    phase = Scale.of(np.array([math.pi, math.pi - 1e-9]), "phase_difference_rad")
+    phase = Scale.of(np.array([math.pi, math.pi - 1e-9]), "°", 180.0 / math.pi)
     assert (phase.high - phase.low) * phase.factor == pytest.approx(2.0, rel=0.2)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from contourpy import contour_generator
 
-from vibroplat.columns import display_name
 from vibroplat.config.circular import ranked, shown_value
 from vibroplat.page.svg import Floats, Plot, Scale, plain_text
 from vibroplat.page.text import escape
@@ -23,10 +22,11 @@ from vibroplat.page.view import (
     isolated_points,
     places_of,
 )
-from vibroplat.results.labels import halfway, in_ratios
+from vibroplat.results.labels import halfway, in_ratios, key_name
 from vibroplat.results.legend import HALF, Entry, legend_of_strips
 from vibroplat.results.picture import (
     BLACK,
+    FAILED,
     FULL,
     LOST,
     LOW,
@@ -159,7 +159,7 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     plot.dots(x[places[odd]], y[places[odd]], label, series.colour, size=size, hollow=True, pale=series.pale)
     lost = places[state == LOST]
     for point in lost[:MAX_MARKED]:
-        plot.mark(x[point], y[point] if np.isfinite(y[point]) else plot.y.low, "failed", "✕", "#a00000")
+        plot.mark(x[point], y[point] if np.isfinite(y[point]) else plot.y.low, "failed", "✕", FAILED)
 
 
 def _draw_classes(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
@@ -240,7 +240,7 @@ def bars(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw horizontal bars over words, the first one on top."""
     places = places_of(shown)
     values = view.values(view.axis)[places]
-    words = [display_name(str(word)) or str(word) for word in view.picture.points[panel.column].iloc[places]]
+    words = [plain_text(key_name(str(word))) for word in view.picture.points[panel.column].iloc[places]]
     x = view.scale(view.axis, np.append(values, 0.0), label=plain_text(panel.label) or axis_name(view.axis))
     y = Scale(len(words) - 0.5, -0.5, names=words)
     plot = view.plot(panel, x, y, heading(panel))

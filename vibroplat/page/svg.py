@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN
-from vibroplat.config.digits import shown_unit, tick_text
+from vibroplat.config.digits import tick_text
 from vibroplat.page.text import escape
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -78,28 +77,20 @@ class Scale:
 
     @classmethod
     def of(
-        cls,
-        values: Floats,
-        column: str,
-        shown: tuple[str, float] | None = None,
-        *,
-        least: float | None = None,
-        log: bool = False,
-        label: str = "",
+        cls, values: Floats, unit: str, factor: float, *, least: float | None = None, log: bool = False, label: str = ""
     ) -> Scale:
-        """Return an axis with room for some values of a column, in its usual unit or another one with its factor.
+        """Return an axis with room for some values, whose numbers are shown in a unit.
 
         With ``least`` it begins at 0 and goes at least to there.
         """
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-        unit, factor = shown or shown_unit(column, max(abs(low), abs(high)))
         if log and low > 0.0:
             part = (high / low) ** ROOM if high > low else 1.2
             return cls(low / part, high * part, unit, factor, label=label, log=True)
         if least is not None:
             low, high = min(low, 0.0), max(high, least)
-        floor = LEAST_PHASE if column == PHASE_COLUMN else LEAST * max(abs(low), abs(high)) or 1.0
+        floor = LEAST_PHASE if unit == "°" else LEAST * max(abs(low), abs(high)) or 1.0
         missing = 0.5 * max(floor - (high - low), 0.0)
         room = missing + ROOM * (high - low + 2.0 * missing)
         return cls(low - room, high + room, unit, factor, label=label)

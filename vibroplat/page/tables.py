@@ -12,17 +12,8 @@ import numpy as np
 import pandas as pd
 
 from vibroplat.columns import display_name, is_angle, is_rotation, unit_of
-from vibroplat.config.digits import (
-    MISSING,
-    NEGLIGIBLE,
-    PREFIXES,
-    decimal,
-    digits_of,
-    given,
-    places,
-    power_of_ten,
-    shown_unit,
-)
+from vibroplat.config import digits
+from vibroplat.config.digits import MISSING, decimal, power_of_ten
 from vibroplat.page.text import escape
 from vibroplat.results.answer import counted
 from vibroplat.results.labels import SUPPLY, capital
@@ -108,19 +99,19 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
     numbers = column.to_numpy(dtype=float, na_value=np.nan)
     known = np.abs(numbers[np.isfinite(numbers)])
     size = float(known.max()) if known.size else 0.0
-    if size <= (NEGLIGIBLE if unit_of(name) in PREFIXES else ROUND_OFF) * largest:
+    if size <= (digits.NEGLIGIBLE if unit_of(name) in digits.PREFIXES else ROUND_OFF) * largest:
         numbers, known, size = 0.0 * numbers, 0.0 * known, 0.0
-    unit, factor = shown_unit(name, largest or size)
+    unit, factor = digits.shown_unit(name, largest or size)
     if size and not 1e-3 <= size * factor < 1e7:
         power = 3 * math.floor(math.log10(size) / 3)
         unit, factor = f"{power_of_ten(10.0**power)} {unit_of(name)}".strip(), 10.0**-power
     whole = bool(np.all(known == np.round(known))) and not unit
-    decimals = 0 if whole else max(places(size * factor, MOST_DIGITS), 0)
+    decimals = 0 if whole else max(digits.places(size * factor, MOST_DIGITS), 0)
     if unit and name != SUPPLY and "." not in name:
-        least = float(known[known > NEGLIGIBLE * size].min(initial=size))
-        decimals = min(decimals, max(places(least * factor, digits_of(unit)), 0))
+        least = float(known[known > digits.NEGLIGIBLE * size].min(initial=size))
+        decimals = min(decimals, max(digits.places(least * factor, digits.digits_of(unit)), 0))
     cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
-    while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
+    while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were digits.given
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
     return (f"{words} ({unit})" if unit else words), cells
@@ -155,7 +146,7 @@ def value_text(value: Any) -> str:
         return MISSING if value is None else "yes" if value else "no"
     if not isinstance(value, int | float):
         return str(value)
-    return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else given(value).replace("-", "−")
+    return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else digits.given(value).replace("-", "−")
 
 
 def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> str:

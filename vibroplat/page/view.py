@@ -49,7 +49,7 @@ class View:
 
     def scale(self, column: str, values: Floats, **look: Any) -> Scale:
         """Return an axis of a column with room for some values."""
-        return Scale.of(values, column, self.picture.unit(column), **look)
+        return Scale.of(values, *self.picture.unit(column), **look)
 
     def across(self, panel: Panel, series: Sequence[Series]) -> Scale:
         """Return the horizontal axis, the same for all panels of a picture, or of a facet with an axis of its own."""

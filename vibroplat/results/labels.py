@@ -20,12 +20,10 @@ from vibroplat.frames import pd
 SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
-_FREQUENCIES = {
-    EXCITATION: "excitation frequency $f$",
-    **dict.fromkeys((SUPPLY, FREQUENCY), "supply frequency $f_e$"),
-}
 #: Names and symbols of keys; others have no symbol and are called by the words of their last part.
 _KEYS = {
+    EXCITATION: ("excitation frequency", "$f$"),
+    **dict.fromkeys((SUPPLY, FREQUENCY), ("supply frequency", "$f_e$")),
     "material.mass_ratio": ("mass ratio", r"$\mu_w$"),
     "material.natural_frequency_hz": ("natural frequency of the layers", "$f_w$"),
     "material.damping_ratio": ("damping ratio of the layers", r"$\zeta_w$"),
@@ -111,10 +109,14 @@ def key_name(key: str) -> str:
     return plain(_KEYS.get(key, (indexed_name(key), ""))[0])
 
 
+def symbol_of(key: str) -> str:
+    """Return the symbol of a key or of a frequency, if it has one."""
+    return _KEYS.get(key, ("", ""))[1]
+
+
 def axis_label(column: str, unit: str, name: str = "") -> str:
     """Return what a key or a column is called on an axis, by its usual name and symbol or another one, and its unit."""
-    usual = " ".join(_KEYS[column]) if column in _KEYS else _FREQUENCIES.get(column) or AXIS_NAMES.get(column)
-    name = name or usual or key_name(column)
+    name = name or AXIS_NAMES.get(column) or f"{key_name(column)} {symbol_of(column)}".strip()
     return f"{name} ({unit})" if unit and column != PHASE_COLUMN else name
 
 

@@ -10,12 +10,10 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
-from vibroplat.results.labels import EXCITATION, SUPPLY, capital, key_name
+from vibroplat.results.labels import capital, key_name, symbol_of
 from vibroplat.study.answer import main_rms, motions_text
 from vibroplat.study.sweeps import Sweeps
 
-#: Symbols of frequencies.
-SYMBOLS = {EXCITATION: "$f$", SUPPLY: "$f_e$"}
 #: Maximum number of values that are listed.
 MAX_LISTED = 3
 
@@ -25,7 +23,8 @@ def place(column: str, values: Any) -> str:
     text = several(values, unit_of(column))
     if text == digits.MISSING:
         return ""
-    return f"{SYMBOLS[column]} = {text}" if column in SYMBOLS else f"{key_name(column)} {text}"
+    symbol = symbol_of(column)
+    return f"{symbol} = {text}" if symbol else f"{key_name(column)} {text}"
 
 
 def several(values: Any, unit: str) -> str:
