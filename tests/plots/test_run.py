@@ -203,7 +203,7 @@ def test_titles_of_runs_that_coast_down_do_not_speak_of_operation(saved):
 
 def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, figures):
     places = [saved["two layers"], saved["bouncing"]]
-    named = [f"{places[0]} ($R$ = 0)", f"{places[1]} ($R$ = 0.5)"]
+    named = [f"{places[0]} (restitution 0)", f"{places[1]} (restitution 0.5)"]
     paths = plot_results(places)
     kinds = ("motion", "force", "exciters", "loads")
     assert [path.name for path in paths] == [f"{kind}-compared.png" for kind in kinds]
