@@ -123,35 +123,7 @@ def indexed_name(key: str) -> str:
     return f"{name} of {section[:-1]} {place}" if section in ("exciters", "motors") else f"{name} ({place})"
 
 
-class Quantity(NamedTuple):
-    """What a column is called on an axis, its unit there, and the factor from SI units to it."""
-
-    name: str
-    unit: str = ""
-    factor: float = 1.0
-
-    @property
-    def label(self) -> str:
-        """Name and unit."""
-        return f"{self.name} ({self.unit})" if self.unit else self.name
-
-
-def display_unit(name: str) -> tuple[str, float]:
-    """Return the unit in which figures and the page show a column, and the factor from SI units to it.
-
-    Lengths are in mm and rotations of the platform in mrad. Keys, whose names have a dot, keep the unit of their name.
-    """
-    unit = unit_of(name)
-    is_small = unit == "m" or (unit == "rad" and "phi" in name.split("_"))
-    return (f"m{unit}", 1e3) if is_small and "." not in name else (unit, 1.0)
-
-
-def _quantities(names: Mapping[str, str]) -> dict[str, Quantity]:
-    """Return quantities of columns."""
-    return {column: Quantity(name, *display_unit(column)) for column, name in names.items()}
-
-
-#: Phase difference of the exciters, everywhere. Its ticks are parts of π, so it has no unit.
+#: Phase difference of the exciters, everywhere.
 PHASE = r"$\Delta\varphi$"
 
 #: What a machine does, by how its exciters are driven and synchronize. Forces of equal exciters that are mirror images
@@ -164,6 +136,8 @@ VIBRATION_PATTERN = {
 }
 
 
+#: What exciters are called whose phase difference drifts.
+NOT_SYNCHRONIZED = "not synchronized"
 #: Distance of the phase difference from 0 or π (rad) up to which exciters count as in phase or in antiphase.
 SYNCHRONOUS = math.pi / 3.0
 
@@ -175,20 +149,28 @@ def sync_name(phase: float) -> str:
     return "antiphase" if math.pi - abs(phase) <= SYNCHRONOUS else "intermediate"
 
 
+def name_sync(sync: str) -> str:
+    """Return what a synchronization, as tables have it, is called."""
+    return NOT_SYNCHRONIZED if sync == "none" else sync
+
+
 def describe_sync(sync: str, rotation: str) -> str:
     """Return the name of a synchronization, and what it does to a machine if that is known."""
-    return ": ".join(filter(None, (sync, VIBRATION_PATTERN.get((rotation, sync)))))
+    return ": ".join(filter(None, (name_sync(sync), VIBRATION_PATTERN.get((rotation, sync)))))
 
 
 PHASE_COLUMN = "phase_difference_rad"
 
 
-def name_regime(row: Mapping[str, Any]) -> str:
-    """Name the regime of a row of a sweep, or the outcome of one that ended early."""
-    if row.get("outcome", "ok") != "ok":
-        return f"none, {row['outcome']}"
-    motion = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
-    return f"{row['sync']}, {motion}"
+def name_regime(row: Mapping[str, Any], *further: str) -> str:
+    """Name the motion of a row: "antiphase, period 1"; of one that ended early without a motion its outcome.
+
+    Further words stand between the synchronization and the kind of motion.
+    """
+    if row.get("motion") is None:
+        return str(row["outcome"])
+    kind = f"period {row['period']}" if row["motion"] == "periodic" else row["motion"]
+    return ", ".join(filter(None, (name_sync(row["sync"]), *further, kind)))
 
 
 def is_angle(name: str) -> bool:
@@ -200,43 +182,36 @@ def is_angle(name: str) -> bool:
     return name.endswith(PHASE_COLUMN)
 
 
-#: Columns of a sweep, and of branches.
-QUANTITIES = _quantities(
-    {
-        "rms_y_m": "RMS $y$",
-        "rms_x_m": "RMS $x$",
-        "rms_phi_rad": r"RMS $\varphi$",
-        PHASE_COLUMN: PHASE,
-        "motor_power_w": "motor power",
-        "contact_force_max_n": "largest $F_c$",
-        "gap_max_m": "largest gap",
-        "flight_fraction": "flight fraction",
-        "amplitude_y_m": "amplitude of $y$",
-        "impulse_max_n_s": "largest impulse",
-        "impacts_per_period": "impacts per period",
-        "lyapunov_per_s": "Lyapunov exponent",
-    }
-) | {PHASE_COLUMN: Quantity(PHASE)}
+def is_rotation(name: str) -> bool:
+    """Whether a column holds rotations of the platform, which are small."""
+    return "phi" in name.split("_")
 
 
-def quantity_of(column: str) -> Quantity:
-    """Return what a column of numbers is called on an axis, by its name if it is not a usual one."""
-    return QUANTITIES.get(column, Quantity(display_name(column), *display_unit(column)))
-
-
-#: Columns of a trajectory.
-COORDINATES = _quantities(
-    {
-        "y_m": "$y$",
-        "x_m": "$x$",
-        "phi_rad": r"$\varphi$",
-        "gap_m": "gap $y_{w1}$",
-        "along_m": "place $s$ along the deck",
-        "contact_force_n": "contact force $F_c$",
-    }
-)
-#: Forces of springs and dampers, which follow from a trajectory.
-FORCES = {
-    "force_y_n": Quantity("force $y$ into\nfoundation", "N"),
-    "force_x_n": Quantity("force $x$ into\nfoundation", "N"),
+#: Columns of a sweep, and of branches, and what they are called on an axis.
+MEASURES = {
+    "rms_y_m": "RMS $y$",
+    "rms_x_m": "RMS $x$",
+    "rms_phi_rad": r"RMS $\varphi$",
+    PHASE_COLUMN: PHASE,
+    "motor_power_w": "motor power",
+    "contact_force_max_n": "largest $F_c$",
+    "gap_max_m": "largest gap",
+    "flight_fraction": "flight fraction",
+    "amplitude_y_m": "amplitude of $y$",
+    "impulse_max_n_s": "largest impulse",
+    "impacts_per_period": "impacts per period",
+    "lyapunov_per_s": "Lyapunov exponent",
 }
+#: Columns of a trajectory.
+COORDINATES = {
+    "y_m": "$y$",
+    "x_m": "$x$",
+    "phi_rad": r"$\varphi$",
+    "gap_m": "gap $y_{w1}$",
+    "along_m": "place $s$ along the deck",
+    "contact_force_n": "contact force $F_c$",
+}
+#: Forces of springs and dampers, which follow from a trajectory.
+FORCES = {"force_y_n": "force $y$ into\nfoundation", "force_x_n": "force $x$ into\nfoundation"}
+#: What columns are called on axes, if not by their names.
+AXIS_NAMES = MEASURES | COORDINATES | FORCES | {"t_s": "time"}

@@ -33,7 +33,13 @@ def test_a_figure_names_attractors_and_the_box_of_starts(kind):
 
 
 def test_colours_of_attractors_depend_on_no_order():
-    names = ["in-phase, chaotic", "antiphase, period 2", "in-phase, period 1", "antiphase, period 1", "none, undecided"]
+    names = [
+        "in-phase, chaotic",
+        "antiphase, period 2",
+        "in-phase, period 1",
+        "antiphase, period 1",
+        "not synchronized, undecided",
+    ]
     found = attractor_colours(names)
     assert found == attractor_colours(names[::-1])
     assert len(set(found.values())) == len(names)

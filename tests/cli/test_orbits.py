@@ -89,15 +89,15 @@ def test_a_branch_that_fails_keeps_its_points(command, config, monkeypatch):
     def failing(self, look):
         if len(self.points) < 3 or self.points[-1].chart.places.size < 11:  # without material
             return grow(self, look)
-        self.ended = "no point beyond: for a test"
+        self.ended = "no further orbit found: for a test"
         return False
 
     monkeypatch.setattr(Branch, "extend", failing)
     done = command("orbits", config(ORBITS))
     assert done.code == 1
     assert done.err.splitlines() == [
-        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no point beyond: for a test; engine "
-        "taylor ended it, solver.engine = native may go on",
+        "vibroplat: branch 0, material.mass_ratio 0.1 failed after 3 points: no further orbit found: for a test; "
+        "engine taylor ended it, solver.engine = native may go on",
         "vibroplat: 1 of the branches failed",
     ]
     assert results()["branches.parquet"]["material.mass_ratio"].value_counts()[0.1] == 3
@@ -144,7 +144,7 @@ def test_start_that_is_not_periodic_is_refused(command, config):
     done = command("orbits", config(text))
     assert not_a_line(done) == ""
     assert done.err.startswith(
-        "vibroplat: no orbit of period 1 near the guess: exciters are not synchronous: exciter 2 makes 0.66"
+        "vibroplat: no orbit of period 1 near the guess: exciters are not synchronized: exciter 2 makes 0.66"
     )
     assert " turns in 1 of exciter 1; allowed: whole turns; their motors have 2 and 3 pole pairs; " in done.err
 
@@ -153,7 +153,7 @@ def test_exciters_nearly_in_step_are_told_apart_from_those_in_step(command, conf
     """With half as many poles an exciter turns nearly twice as fast, but for what both need against friction."""
     motors = "[{friction_radius_m: 1.0e-5}, {friction_radius_m: 1.0e-5, pole_pairs: 1, critical_torque_n_m: 0.6}]"
     text = f"machine: {{unbalance_radius_m: 0.03}}\nmotors: {motors}\norbits: {{{KEY}, start: 50, stop: 51}}\n"
-    assert " exciters are not synchronous: exciter 2 makes 1.99" in command("orbits", config(text)).err
+    assert " exciters are not synchronized: exciter 2 makes 1.99" in command("orbits", config(text)).err
 
 
 def test_unbalances_that_hang_are_no_orbit(command, config):

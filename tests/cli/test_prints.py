@@ -117,7 +117,7 @@ def test_warnings_are_always_printed():
 
 
 def test_notes_that_put_no_number_in_doubt_come_last():
-    stiff, wrong = f"{HINT}another engine is faster", "5 % of the stroke may decay"
+    stiff, wrong = f"{HINT}another engine is faster", "not settled: the stroke may still fall by 5 %"
     assert by_severity([stiff, "an unusual mass", wrong]) == ["an unusual mass", wrong, stiff]
     assert Answer(headline="what it is", notes=[wrong, stiff]).brief()[1:] == [f"  note: {wrong}", f"  {stiff}"]
     table = pd.DataFrame({"mass": [1.0, 2.0], "notes": [stiff, f"{stiff}; {wrong}"], "motion": "x", "outcome": "ok"})
@@ -236,7 +236,11 @@ def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_on
 
 def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
     run = runs["two layers"]
-    ends = {0.14: "; 14 % of the stroke may decay", 0.001: "; repeats every turn", None: "; repeats every turn"}
+    ends = {
+        0.14: "; not settled: the stroke may still fall by 14 %",
+        0.001: "; repeats every turn",
+        None: "; repeats every turn",
+    }
     for change, end in ends.items():
         assert headline(run.scene, run.summary | {"period": 1, "stroke_change": change}).endswith(end)
     assert headline(run.scene, run.summary | {"period": 0, "stroke_change": 0.14}).endswith(ends[0.14])
@@ -356,9 +360,9 @@ def test_peaks_of_several_seeds_are_ranges(runs):
     assert "largest 9.0 … 18.0 mm at " in lines[0]
     assert "largest 1 … 400 N at " in next(line for line in lines if line.startswith("foundation, x"))
     assert lines[-1].split()[:5] == ["largest", "values", "of", "19", "runs"]
-    assert lines[-1].endswith("  one more run is larger in 5.0 % of cases; times are of the first")
+    assert lines[-1].endswith("  run 20 is larger with probability 5.0 %; times refer to run 1")
     for numbers, end in (
-        ({"captured": 3}, "of cases; at least 3 are captured"),
+        ({"captured": 3}, "at least 3 are captured"),
         ({"seeds": 1}, "  run.perturbation is 0"),
     ):
         known = run.summary | {"peaks_of_seeds": found | numbers}

@@ -223,7 +223,7 @@ def test_branches_end_where_the_law_of_impact_jumps_and_say_so():
     (branch,) = traced(scene)
     assert branch.failed
     assert branch.ended == (
-        "no point beyond: an impact reaches contact.restitution_threshold_m_per_s, where rebounds begin"
+        "no further orbit found: an impact reaches contact.restitution_threshold_m_per_s, where rebounds begin"
     )
 
 

@@ -24,7 +24,7 @@ def test_of_several_bounds_each_has_the_share_of_machines_that_keep_it():
     )
     none = pd.DataFrame({"measure": [], "key": [], "regression": []})
     head, amplitude, power = quantile_lines(plan, samples, none)
-    assert head.split("  ")[-2:] == ["keep its bound", "fraction of the variance"]
+    assert head.split("  ")[-2:] == ["within bound", "fraction of the variance"]
     assert (amplitude.split()[-2:], power.split()[-2:]) == (["90", "%"], ["50", "%"])
     plan = DesignPlan(parameter_tolerances={"machine.platform_mass_kg": 0.1}, constraints={"rms_y_m": ">= 1e-3"})
     assert not any("keep" in line for line in quantile_lines(plan, samples, none))

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import shutil
 
 import numpy as np
@@ -133,7 +134,7 @@ def test_of_several_runs_a_colour_is_a_run_and_their_last_turns_stand_beside_eac
     first, second = (figure.points(name)[:, 0] for name in names)
     assert np.ptp(first) == pytest.approx(np.ptp(second), rel=0.1)
     assert first.min() == pytest.approx(second.min(), abs=1e-3)
-    assert "dashed: underside of the material" in read(text)
+    assert re.search('stroke-dasharray:6 3"/></svg> underside of the material', text)
 
 
 # -- curves ---------------------------------------------------------------------------------------------

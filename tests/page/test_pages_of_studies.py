@@ -114,14 +114,16 @@ def test_columns_that_are_nothing_beside_their_kind_are_0_and_others_have_the_di
             "rms_y_m": [1.07794e-3, 1.5104e-3],
             "excitation_frequency_hz": [24.65312, 24.52107],
             "frequency_split_hz": [0.0012, 0.0],
+            "speed_ripple_hz": [3e-12, 0.0],
+            "phi_max_rad": [2.5e-16, 0.0],
             "multiplier_max": [0.99987, 0.96838],
             "sync": ["antiphase", "antiphase"],
         }
     )
     text = table_html("points", table)
     assert cells(text) == [
-        ["50.125", "0", "0", "1.08", "24.65", "0.0012", "0.99987", "antiphase"],
-        ["50.250", "0", "0", "1.51", "24.52", "0", "0.96838", "antiphase"],
+        ["50.125", "0", "0", "1.08", "24.65", "0.0012", "0", "0", "0.99987", "antiphase"],
+        ["50.250", "0", "0", "1.51", "24.52", "0", "0", "0", "0.96838", "antiphase"],
     ]
     assert {"RMS x (mm)", "RMS φ (mrad)", "synchronization"} <= {*re.findall("<th[^>]*>([^<]*)", text)}
 

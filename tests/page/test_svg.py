@@ -6,7 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, plain_text, thin, unit_for
+from vibroplat.config.digits import shown_unit
+from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, plain_text, thin
 
 
 @pytest.mark.parametrize(
@@ -22,7 +23,7 @@ from vibroplat.page.svg import COLUMNS, DOTS, Plot, Scale, distinct_dots, path, 
     ],
 )
 def test_units_have_prefixes_and_keys_keep_theirs(column, size, wanted):
-    assert unit_for(column, size) == (wanted[0], pytest.approx(wanted[1]))
+    assert shown_unit(column, size) == (wanted[0], pytest.approx(wanted[1]))
 
 
 def test_labels_of_figures_are_plain_text():
@@ -56,9 +57,9 @@ def test_logarithmic_axes_have_powers():
 
 
 def test_what_hardly_varies_has_an_axis_that_is_not_noise():
-    axis = Scale.of(np.array([5.0, 5.0 + 1e-9]), "motor_power_w")
+    axis = Scale.of(np.array([5.0, 5.0 + 1e-9]), "W", 1.0)
     assert axis.high - axis.low == pytest.approx(5e-3, rel=0.2)
-    phase = Scale.of(np.array([math.pi, math.pi - 1e-9]), "phase_difference_rad")
+    phase = Scale.of(np.array([math.pi, math.pi - 1e-9]), "°", 180.0 / math.pi)
     assert (phase.high - phase.low) * phase.factor == pytest.approx(2.0, rel=0.2)
 
 

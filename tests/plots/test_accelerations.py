@@ -8,10 +8,11 @@ import pandas as pd
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.plots.histories import RunTables, peaks_of, spectrum_of
-from vibroplat.results.tables import read_table
+from vibroplat.results.tables import read_json, read_table
 
 from .conftest import drawn
 
@@ -64,6 +65,8 @@ def test_accelerations_are_drawn_where_there_are_some(moved, saved, tmp_path):
     figures = drawn("run", moved)
     assert {"acceleration", "spectrum"} <= {*figures}
     assert "measured" not in figures
+    largest = quantity(read_json(moved, "summary")["acceleration_max_m_per_s2"], "m/s²")
+    assert figures["acceleration"].get_suptitle().startswith(f"Acceleration {largest}")
     vertical, *_ = figures["acceleration"].axes
     table = read_table(moved, "trajectory")
     assert vertical.lines[0].get_ydata()[-1] == table["acceleration_y_m_per_s2"].iloc[-1]

@@ -1,18 +1,20 @@
 """Curves and axes: what a reader of a figure could be misled by."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
 from common.handmade import after, branch
 
+from vibroplat.config.digits import quantity
 from vibroplat.config.scene import Scene
+from vibroplat.page import panels
+from vibroplat.page.tables import table_html
+from vibroplat.page.view import View
 from vibroplat.plots.histories import RunTables
 from vibroplat.plots.pictures import draw_picture
 from vibroplat.plots.run import FIGURES, RunPicture
-from vibroplat.plots.style import head
 from vibroplat.results import content
-from vibroplat.results.picture import Panel, Picture
+from vibroplat.results.picture import Panel, Picture, Series
 from vibroplat.study.curves import curves_of, fill_failed
 from vibroplat.study.sweeps import Sweeps
 
@@ -58,14 +60,20 @@ def exciters(shown):
     return draw_picture(FIGURES["exciters"](RunPicture([shown]))).axes
 
 
-def test_columns_of_a_figure_that_share_their_values_have_one_unit():
-    figure, axes = plt.subplots(1, 2, sharex=True)
-    for axis in axes:
-        axis.plot([200.0, 3000.0], [1.0, 2.0])
-        axis.set_xlabel("rated power (W)")
-    head(figure, "powers")
-    assert [axis.get_xlabel() for axis in axes] == ["rated power (kW)"] * 2
-    plt.close(figure)
+@pytest.mark.parametrize(("largest", "unit"), [(980.0, "N"), (2500.0, "kN")])
+def test_print_figure_page_and_table_have_one_unit(largest, unit):
+    """Of a force whose axis goes beyond the next prefix, and of a mean beside it."""
+    table = pd.DataFrame({"supply_frequency_hz": [50.0, 51.0], "contact_force_max_n": [largest, 0.5 * largest]})
+    look = {"panels": [Panel("contact_force_max_n")], "series": [Series("", [0, 1])]}
+    picture = Picture("", "", "", table, "", ["supply_frequency_hz"], **look)
+    figure = draw_picture(picture)
+    assert quantity(largest, "N").endswith(f" {unit}")
+    assert figure.axes[0].get_ylabel() == f"largest $F_c$ ({unit})"
+    view = View(picture, "supply_frequency_hz", np.arange(2))
+    assert f"<b>largest contact force</b> {unit} " in panels.points(view, picture.panels[0], picture.series).html()
+    page = table_html("", table.assign(foundation_force_y_mean_n=200.0))
+    assert f"largest contact force ({unit})" in page
+    assert f"foundation force y mean ({unit})" in page
 
 
 def test_a_jump_is_not_joined():
@@ -73,7 +81,7 @@ def test_a_jump_is_not_joined():
     (line,) = lines(drawn(rows))
     height = line.get_ydata()
     assert np.flatnonzero(np.isnan(height)).tolist() == [8]
-    assert height[np.isfinite(height)] == pytest.approx(1e3 * rows["rms_y_m"].to_numpy())
+    assert height[np.isfinite(height)] == pytest.approx(rows["rms_y_m"].to_numpy())
     assert np.isfinite(lines(drawn(branch()))[0].get_ydata()).all()
 
 

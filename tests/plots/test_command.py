@@ -109,7 +109,7 @@ def test_data_are_laid_over_a_sweep_and_what_is_not_drawn_is_named(signs, write_
     file.write_text(text.replace(".", signs[1]).replace("|", signs[0]))
     (figure,) = drawn("sweep", write_sweep(), data=read_data(file)).values()
     axis = next(axis for axis in figure.axes if axis.get_ylabel() == "RMS $y$ (mm)")
-    assert axis.lines[-1].get_ydata() == pytest.approx([0.2])
+    assert axis.lines[-1].get_ydata() == pytest.approx([0.2e-3])
     assert figure.legends[0].get_texts()[-1].get_text() == "measured: rig.csv"
     assert caplog.messages == [f"--data {file}: not drawn: who"]
 
@@ -144,7 +144,7 @@ def test_differences_are_shown_of_curves_that_nearly_coincide():
     main, below = draw_picture(history("fig4", "y_m", curves, "", near=0.2)(Found())).axes
     assert len(main.lines) == 3
     assert below.get_title(loc="left") == "Fig. 4(a), 2 minus 1"
-    assert below.lines[-1].get_ydata() == pytest.approx(0.01 * np.sin(160.0 * t))
+    assert below.lines[-1].get_ydata() == pytest.approx(1e-5 * np.sin(160.0 * t))
     assert len(history("fig4", "y_m", curves, "")(Found()).panels) == 1
 
 

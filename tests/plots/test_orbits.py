@@ -82,7 +82,7 @@ def test_stable_parts_are_solid_and_end_at_the_special_point():
     ends, (mark,) = lines(branch([True, True, False, False, True]), special(1.25))
     assert ends == [(0.0, 1.25, "-"), (1.25, 4.0, "--")]  # no special point says where it is stable again
     assert mark.get_xdata().tolist() == [1.25]
-    np.testing.assert_allclose(mark.get_ydata(), [1.25])  # mm
+    np.testing.assert_allclose(mark.get_ydata(), [1.25e-3])
     assert mark.get_marker() == MARKERS["fold"]
     assert len({MARKERS[kind] for kind in KINDS}) == len(KINDS)
 
@@ -125,8 +125,8 @@ def test_points_of_a_sweep_lie_behind_in_the_colour_of_their_branch(followed):
     figure = drawn(followed, ["branches"])["branches"]
     behind = [line for line in figure.axes[0].lines if line.get_zorder() < 2 and len(line.get_xdata())]
     points = {float(line.get_ydata()[0]): line.get_color() for line in behind if line.get_marker() == "o"}
-    assert sorted(points) == [1.0, 2.0]
-    assert points[1.0] != points[2.0]
+    assert sorted(points) == [1e-3, 2e-3]
+    assert points[1e-3] != points[2e-3]
     told = texts(figure.legends[0])
     assert told[:2] == ["mass ratio 0", "mass ratio 0.1"]
     assert {"stable", "unstable", "sweep, up"} <= {*told}
@@ -187,6 +187,6 @@ def test_an_orbit_closes_and_draws_itself(scene):
     speed, gap = first.lines[0].get_xydata(), second.lines[0].get_xydata()
     np.testing.assert_allclose(speed[0], speed[-1], atol=1e-5)
     assert gap[[0, -1], 0] == pytest.approx([0.0, 1.0], abs=1e-6)
-    assert gap[:, 1].max() == pytest.approx(1e3 * found.measures["gap_max_m"], rel=1e-3)
+    assert gap[:, 1].max() == pytest.approx(found.measures["gap_max_m"], rel=1e-3)
     assert [axis.get_xlabel() for axis in (first, second)] == ["y from rest (mm)", "turns of exciter 1"]
     assert len(orbit(scene.replace({MASS: 0.0})).plot().axes) == 1

@@ -7,11 +7,12 @@ from common.places import QUICKSTART
 from matplotlib.colors import to_hex
 
 from vibroplat import load_config
+from vibroplat.columns import unit_of
 from vibroplat.errors import TableError, VibroplatError
 from vibroplat.hybrid.state import static_rest
 from vibroplat.plots.command import plot_results
 from vibroplat.results.files import write_result
-from vibroplat.results.labels import in_ratios, key_label
+from vibroplat.results.labels import axis_label, in_ratios
 from vibroplat.study.curves import fill_failed
 
 from . import conftest
@@ -69,7 +70,7 @@ def test_axes_are_logarithmic_for_values_in_equal_ratios_alone():
 
 
 def test_a_key_of_an_exciter_says_of_which():
-    assert key_label("exciters.1.critical_slip") == "critical slip of exciter 2"
+    assert axis_label("exciters.1.critical_slip", "") == "critical slip of exciter 2"
 
 
 def test_points_that_failed_are_on_the_axis_of_either_column():
@@ -87,7 +88,7 @@ def test_heights_of_a_bifurcation_are_from_the_rest_of_each_value(write):
     section = section[section["period"] > 0]  # others are smaller dots
     rests = {value: static_rest(load_config(QUICKSTART, {MASS: value}))[1] for value in section[MASS].unique()}
     wanted = section["y_m"] - section[MASS].map(rests)
-    assert line.get_ydata() == pytest.approx(1e3 * wanted.to_numpy())
+    assert line.get_ydata() == pytest.approx(wanted.to_numpy())
     assert line.get_xdata() == pytest.approx(section[MASS].to_numpy())
 
 
@@ -96,12 +97,12 @@ def test_any_two_keys_make_a_map_with_boundaries_of_orbits_over_both(write):
     boundaries[DAMPING] = np.geomspace(20.0, 2e4, len(boundaries))
     place = write(over(DAMPING, RATIOS), "map")
     figure = drawn(place, "map")["map"]
-    assert figure.axes[0].get_xlabel() == key_label(DAMPING)  # two rows are bars
+    assert figure.axes[0].get_xlabel() == axis_label(DAMPING, unit_of(DAMPING))  # two rows are bars
     assert figure.axes[0].get_xscale() == "log"
     (beside := place / "orbits").mkdir()
     write_result(beside, "orbits", handmade.origin("swept"), {"boundaries": boundaries}, form="parquet")
     figure = drawn(place, "map")["map"]
-    assert figure.axes[0].get_ylabel() == key_label(LAW)
+    assert figure.axes[0].get_ylabel() == axis_label(LAW, unit_of(LAW))
     edges = np.ma.filled(figure.axes[0].collections[0].get_coordinates()[0, :, 0])
     assert edges[1:-1] == pytest.approx(np.sqrt(RATIOS[1:] * RATIOS[:-1]))
     fold, liftoff = figure.axes[0].lines
@@ -132,7 +133,7 @@ def test_a_map_shows_any_measure(write):
     tiles = figure.axes[0].collections[0]
     rows = table[table["direction"] == "up"].sort_values([LAW, MASS])
     shown = np.ma.filled(np.ma.asarray(tiles.get_array(), dtype=float), np.nan).ravel()
-    assert shown == pytest.approx(1e3 * rows["rms_y_m"].to_numpy(), nan_ok=True)
+    assert shown == pytest.approx(rows["rms_y_m"].to_numpy(), nan_ok=True)
     assert [axis.get_title(loc="left").splitlines()[-1] for axis in figure.axes[:4:2]] == [
         "RMS $y$, up",
         "period, up",

@@ -60,8 +60,8 @@ def test_motion_shows_platform_and_gap_of_the_last_turns(settled):
     begin = shown_from(result, histories.shown_turns(read_json(result, "summary")))
     shown = trajectory[trajectory["t_s"] >= begin]
     assert 100 < len(shown) < len(trajectory)
-    np.testing.assert_allclose(data_of(top.lines[0]), table_line(from_rest(shown, result), "y_m", 1e3))
-    np.testing.assert_allclose(data_of(bottom.lines[0]), table_line(shown, "gap_m", 1e3))
+    np.testing.assert_allclose(data_of(top.lines[0]), table_line(from_rest(shown, result), "y_m"))
+    np.testing.assert_allclose(data_of(bottom.lines[0]), table_line(shown, "gap_m"))
     impacts = events[(events["kind"] == "impact") & (events["t_s"] >= begin)]
     assert len(impacts) > 0
     assert bottom.lines[1].get_xdata().tolist() == impacts["t_s"].tolist()
@@ -78,9 +78,9 @@ def test_y_is_counted_from_rest_where_a_scene_or_a_summary_tells_the_sag(result)
     edited(result, "provenance", configuration={"lost": 1})
     axis = drawn(result)["motion"].axes[0]
     table = read_table(result, "trajectory")
-    assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * from_rest(table, result)["y_m"].iloc[-1])
+    assert axis.lines[0].get_ydata()[-1] == pytest.approx(from_rest(table, result)["y_m"].iloc[-1])
     axis = drawn(edited(result, "summary", static_sag_m=None))["motion"].axes[0]
-    assert axis.lines[0].get_ydata()[-1] == pytest.approx(1e3 * table["y_m"].iloc[-1])
+    assert axis.lines[0].get_ydata()[-1] == pytest.approx(table["y_m"].iloc[-1])
     assert axis.get_ylabel() == "$y$ (mm)"
 
 
@@ -91,9 +91,7 @@ def test_a_long_run_has_the_range_of_each_turn_on_the_left_and_its_last_turns_on
     assert titles == ["whole run: range of each turn", "last 3 turns"]
     table = from_rest(read_table(result, "trajectory"), result)
     low, high = figure.axes[0].lines[:2]
-    assert (low.get_ydata().min(), high.get_ydata().max()) == pytest.approx(
-        (1e3 * table["y_m"].min(), 1e3 * table["y_m"].max())
-    )
+    assert (low.get_ydata().min(), high.get_ydata().max()) == pytest.approx((table["y_m"].min(), table["y_m"].max()))
     assert figure.axes[0].get_ylim() == figure.axes[1].get_ylim()
     assert np.ptp(figure.axes[1].lines[0].get_xdata()) == pytest.approx(3.0 / 25.75, rel=0.05)
 
@@ -145,7 +143,7 @@ def test_loads_are_forces_and_displacements_with_their_peaks(settled):
     table, summary = read_table(result, "trajectory"), read_json(result, "summary")
     machine = load_config(QUICKSTART).machine
     along_y = machine.stiffness_y_n_per_m * table["y_m"] + machine.damping_y_n_s_per_m * table["y_rate_m_per_s"]
-    for axis, values in ((force, -along_y), (height, 1e3 * from_rest(table, result)["y_m"])):
+    for axis, values in ((force, -along_y), (height, from_rest(table, result)["y_m"])):
         low, high = (line.get_ydata() for line in axis.lines[:2])
         assert (low.min(), high.max()) == pytest.approx([values.min(), values.max()])
     size, at, pace = (summary[f"whole_foundation_force_y_max_{what}"] for what in ("n", "at_s", "at_hz"))
@@ -205,7 +203,7 @@ def test_titles_of_runs_that_coast_down_do_not_speak_of_operation(saved):
 
 def test_runs_are_laid_over_each_other_from_a_whole_turn_on(saved, tmp_path, figures):
     places = [saved["two layers"], saved["bouncing"]]
-    named = [f"{places[0]} ($R$ = 0)", f"{places[1]} ($R$ = 0.5)"]
+    named = [f"{places[0]} (restitution 0)", f"{places[1]} (restitution 0.5)"]
     paths = plot_results(places)
     kinds = ("motion", "force", "exciters", "loads")
     assert [path.name for path in paths] == [f"{kind}-compared.png" for kind in kinds]
@@ -224,7 +222,7 @@ def test_measured_data_are_laid_over_a_run(saved, tmp_path):
     file = tmp_path / "rig.csv"
     pd.DataFrame({"t_s": [0.1, 0.2], "y_m": [1e-4, -2e-4]}).to_csv(file, index=False)
     top, gap = drawn(saved["two layers"], kinds=["motion"], data=read_data(file))["motion"].axes
-    assert top.lines[-1].get_ydata() == pytest.approx([0.1, -0.2])
+    assert top.lines[-1].get_ydata() == pytest.approx([0.1e-3, -0.2e-3])
     assert top.lines[-1].get_label().startswith("measured: rig.csv, y differs by ")
     assert not any(line.get_marker() == "D" for line in gap.lines)
 

@@ -32,8 +32,8 @@ def test_the_first_of_several_liftoffs_is_told():
     flight = np.zeros(21)
     flight[5:9], flight[14:18] = 0.2, 0.3
     head, row, *_ = told(flight_fraction=flight, **SYNC)[1]
-    assert "lifts off" in head
-    assert row[head.index("lifts off") :].startswith("44.25 ")
+    assert "liftoff" in head
+    assert row[head.index("liftoff") :].startswith("44.25 ")
 
 
 def test_a_jump_is_told_in_the_middle_of_its_points_and_how_far_it_is_known():

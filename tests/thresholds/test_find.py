@@ -140,7 +140,7 @@ def test_the_command_writes_tables_and_prints_the_answer_and_plot_draws_it(comma
     assert name == "thresholds"
     assert [axis.get_ylabel() for axis in figure.axes] == ["RMS $y$ (mm)", "RMS $x$ (mm)", r"$\Delta\varphi$"]
     levels = [line.get_ydata()[0] for line in figure.axes[0].lines if line.get_linestyle() == ":"]
-    assert levels == [pytest.approx(0.7)]
-    assert figure.axes[1].get_ylim()[1] > 0.01, "round-off is drawn as none"
+    assert levels == [pytest.approx(0.7e-3)]
+    assert figure.axes[1].get_ylim()[1] > 1e-5, "round-off is drawn as none"
     assert figure.axes[0].get_title("left").startswith("c: $f_e$ = 58 Hz, two layers, $R$ = 0")
     assert command("plot", tmp_path / "c", "--measure", "sync").code == 2

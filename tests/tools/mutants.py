@@ -148,7 +148,7 @@ BY_ROOM = [
     ]),
     # figures
     ("plots page", [
-        "**{n: in_units(points[n], name) for n, name in known.items()} → **{n: points[n] for n in known}",
+        "on_axis(name, points[name]) for name in known → points[name] for name in known",
         "len(parts) <= MOST else → len(parts) < MOST else",
         "if names.count(name) == 1 else → if names.count(name) > 1 else",
     ]),

@@ -15,7 +15,7 @@ import numpy as np
 
 from vibroplat.basin.mapper import AttractorMapper, same_orbit, window_length
 from vibroplat.basin.windows import classify_windows, components, is_alike, same_motion
-from vibroplat.columns import PHASE_COLUMN
+from vibroplat.columns import PHASE_COLUMN, name_regime
 from vibroplat.config.circular import degrees_text
 from vibroplat.config.scene import Scene
 from vibroplat.continuation.first_orbit import OrbitError
@@ -258,7 +258,7 @@ def name_attractors(sets: Sequence[AttractorSet]) -> Iterator[list[str]]:
         for number, record in zip(own, now.attractors, strict=True):
             first.setdefault(number, record["row"])
     rows = [first[number] for number in range(len(first))]
-    names = [_name(row) for row in rows]
+    names = [name_regime(row, _conveying(row)) for row in rows]
     for column, text in _FURTHER_WORDS.items():
         known = [row.get(column) for row in rows]
         longer = [name if at is None else f"{name}, {text(at)}" for name, at in zip(names, known, strict=True)]
@@ -272,18 +272,11 @@ def name_attractors(sets: Sequence[AttractorSet]) -> Iterator[list[str]]:
         yield [names[number] for number in own]
 
 
-def _name(row: Mapping[str, Any]) -> str:
-    if row.get("motion") is None:  # it may end early only where it is followed longer
-        return str(row["outcome"])
-    kind = f"period {row['period']}" if row["period"] else row["motion"]
-    return f"{'not synchronized' if row['sync'] == 'none' else row['sync']}{_conveying(row)}, {kind}"
-
-
 def _conveying(row: Mapping[str, Any]) -> str:
     """Say where material goes, if it may go along the deck."""
     speed, error = row.get("conveying_speed_m_per_s"), row.get("conveying_speed_error_m_per_s") or 0.0
     if speed is None:
         return ""
     if row.get("stick_fraction") == 1.0:
-        return ", material sticks"
-    return ", conveys nowhere" if abs(speed) <= SPEED_ERRORS * error else f", conveys to {'+' if speed > 0.0 else '−'}x"
+        return "material sticks"
+    return "conveys nowhere" if abs(speed) <= SPEED_ERRORS * error else f"conveys to {'+' if speed > 0.0 else '−'}x"

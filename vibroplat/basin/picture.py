@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from vibroplat.basin.fractions import fractions_over
 from vibroplat.columns import display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
-from vibroplat.results.labels import caption_of, key_name, shortened, value_words
+from vibroplat.results.labels import caption_of, value_words
 from vibroplat.results.result import Result
 from vibroplat.study.branches import box_words, column_of
 from vibroplat.study.titles import sentence
@@ -45,24 +42,10 @@ def _names_of(table: pd.DataFrame, keys: Sequence[str]) -> list[tuple[Any, ...]]
 
 
 def _motion(row: pd.Series) -> str:
-    """Say how far an attractor moves in its main direction."""
+    """Say which fraction of initial conditions an attractor has, and how far it moves in its main direction."""
     size, name = max((row[name], name) for name in ("rms_x_m", "rms_y_m"))
-    return f"{display_name(name)} {digits.quantity(size, unit_of(name))}" if pd.notna(size) else ""
-
-
-def _title(attractors: pd.DataFrame, count: int) -> str:
-    """Say which fraction of the initial conditions converges to each attractor, with its confidence bounds."""
-    texts = []
-    for _, row in attractors[attractors["fraction"] > MIN_FRACTION].sort_values("fraction", ascending=False).iterrows():
-        percent, low, high = (100.0 * np.clip(row[f"fraction{end}"], 0.0, 1.0) for end in ("", "_low", "_high"))
-        known = digits.spread(percent, 0.5 * (high - low), "%") if 0.0 < percent < 100.0 else f"100 % (≥ {low:.0f} %)"
-        texts.append(f"{_short(row['attractor'])} {known}")
-    return sentence(f"{', '.join(shortened(texts))} of {count} initial conditions")
-
-
-def _short(attractor: object) -> str:
-    """Return the name of an attractor without its period, if that is a turn."""
-    return str(attractor).removesuffix(", period 1")
+    moves = f"{display_name(name)} {digits.quantity(size, unit_of(name))}" if pd.notna(size) else ""
+    return ", ".join(filter(None, (digits.percent(row["fraction"]), moves)))
 
 
 def _starts(
@@ -95,7 +78,7 @@ def _starts(
     return picture.Picture(
         name="basins",
         heading="Basins",
-        title=_fractions_title(attractors, keys[0]) if keys else _title(attractors, len(starts)),
+        title=sentence(result.answer.headline),
         table=starts,
         table_name="starts",
         special=None if keys else attractors,
@@ -122,7 +105,7 @@ def _fractions(result: Result, plan: Any, key: str, attractors: pd.DataFrame) ->
     return picture.Picture(
         name="basins",
         heading="Basin fractions",
-        title=_fractions_title(attractors, key),
+        title=sentence(result.answer.headline),
         table=attractors,
         table_name="attractors",
         axes=content.axes_of(attractors, [key]),
@@ -139,10 +122,3 @@ def _fractions(result: Result, plan: Any, key: str, attractors: pd.DataFrame) ->
         meaning=f"The fraction of initial conditions that converges to each attractor {turns}, and its motion.",
         orbits=picture.Orbits(attractors),
     )
-
-
-def _fractions_title(attractors: pd.DataFrame, key: str) -> str:
-    """Say between which basin fractions each attractor varies over the key."""
-    texts = [f"{_short(name)} {text}" for name, text in fractions_over(attractors, key).items()]
-    count = attractors[key].nunique()
-    return sentence(f"{', '.join(shortened(texts))} of the initial conditions at {count} values of {key_name(key)}")

@@ -70,10 +70,10 @@ def inspect(
     set_: common.Settings = None,
     verbose: common.Verbose = False,
 ) -> None:
-    """Tell strokes, forces, resonances and starts before a run.
+    """Estimate strokes, forces, resonances and the run-up.
 
-    Formulas and averaged equations take a second; nothing is simulated or written. `vibroplat columns` has their
-    meanings, results/method.md how they compare with simulations.
+    Formulas and averaged equations take a second; nothing is simulated. `vibroplat columns` lists their meanings;
+    results/method.md compares them with simulations.
     """
     from vibroplat.inspection.values import inspect as find_numbers
 

@@ -118,6 +118,11 @@ def value_text(column: str, value: float | None, digits: int | None = None) -> s
     return quantity(value, unit_of(column), digits=digits)
 
 
+def shown_value(column: str, value: float, largest: float) -> str:
+    """Write a value of a column as axes do: an angle in degrees, others with the prefix of the largest number."""
+    return degrees_text(value) if is_angle(column) else quantity(value, unit_of(column), size=largest)
+
+
 def degrees_text(angle: float) -> str:
     """Write an angle on its circle in whole degrees, from −179 to 180."""
     degrees = math.degrees(wrap(angle))

@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from vibroplat.columns import PHASE_COLUMN, is_rotation, unit_of
+
 #: Digits that a number has, and a frequency.
 DIGITS, FREQUENCY_DIGITS = 3, 4
 #: Size below which a quantity counts as nothing, over the largest one of its kind.
 NEGLIGIBLE = 1e-3
-#: Size, and decimals, from which on a number has a power of ten.
+#: Size, and decimals, from which on a number has a power of ten; and those of numbers on an axis.
 HUGE, MOST_DECIMALS = 1e12, 12
+HUGE_TICK, MOST_TICK_DECIMALS = 1e6, 6
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: What stands where there is no number.
 MISSING = "–"
@@ -38,6 +41,21 @@ def prefixed(size: float, unit: str) -> tuple[float, str]:
     return next((step for step in reversed(ladder) if abs(size) >= _ALMOST * step[0]), ladder[0])
 
 
+def shown_unit(column: str, size: float) -> tuple[str, float]:
+    """Return the unit in which numbers of a column up to a size are shown, and the factor from SI units to it.
+
+    Phase differences are in degrees, lengths in mm, rotations of the platform in mrad; forces, torques, powers and
+    works have a prefix. Keys, whose names have a dot, have the unit of their name, in which a user gives them.
+    """
+    if column == PHASE_COLUMN:
+        return "°", 180.0 / math.pi
+    unit = unit_of(column)
+    if "." in column or (unit == "rad" and not is_rotation(column)):
+        return unit, 1.0
+    step, name = prefixed(size, unit)
+    return name, 1.0 / step
+
+
 def places(value: float, digits: int = DIGITS, error: float | None = None) -> int:
     """Return the decimals of a number: so many digits, none beyond the first digit of its error; negative for tens."""
     if not value or not math.isfinite(value):
@@ -51,9 +69,23 @@ def decimal(value: float, decimals: int) -> str:
     if not math.isfinite(value):
         return MISSING
     if abs(value) >= HUGE or decimals > MOST_DECIMALS:
-        digits, _, power = f"{value:.2e}".partition("e")
-        return f"{digits}·10{str(int(power)).translate(_RAISED)}".replace("-", "−")
+        return power_of_ten(value)
     return f"{round(value, decimals) + 0.0:.{max(decimals, 0)}f}".replace("-", "−")
+
+
+def power_of_ten(value: float) -> str:
+    """Write a number that is very small or large with a power of ten."""
+    mantissa, _, power = f"{value:.2e}".partition("e")
+    front = f"{float(mantissa):g}·".removesuffix("1·") if abs(float(mantissa)) == 1.0 else f"{float(mantissa):g}·"
+    return f"{front}10{str(int(power)).translate(_RAISED)}".replace("-", "−")
+
+
+def tick_text(value: float, step: float) -> str:
+    """Write a number of an axis with the decimals that its step needs; what has many zeros as a power of ten."""
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if step else 0
+    if decimals > MOST_TICK_DECIMALS or abs(value) >= HUGE_TICK:
+        return power_of_ten(value) if value else "0"
+    return decimal(value, decimals)
 
 
 def number(value: float | None, digits: int = DIGITS, error: float | None = None) -> str:

@@ -95,7 +95,7 @@ def _stable_lines(plan: OrbitsPlan, tables: Mapping[str, pd.DataFrame]) -> Itera
     for kind in map(str, kinds):
         columns[kind] = [_ranges(own, ends, key, kind) for (_, own), ends in zip(groups, losses, strict=True)]
     if (special["kind"] == "liftoff").any():
-        columns["first lift-off"] = [_first_liftoff(special, keys, at, key) for at, _ in groups]
+        columns["first liftoff"] = [_first_liftoff(special, keys, at, key) for at, _ in groups]
     yield from by_columns(columns, "-v")
     others = "".join(f"; {count} stable orbits are {kind}" for kind, count in counts[MAX_KINDS:].items())
     if len(kinds) > 1:

@@ -115,7 +115,7 @@ class Branch:
         try:
             point = self._next(look)
         except NoConvergenceError as error:
-            self.ended = f"no point beyond: {LAW_JUMPS if self._law_jumps() else error.why}"
+            self.ended = f"no further orbit found: {LAW_JUMPS if self._law_jumps() else error.why}"
             return False
         iterations = len(point.residuals)
         self.step = point.step * (GROWTH if iterations <= EASY else 1.0 if iterations <= HARD else REDUCTION)

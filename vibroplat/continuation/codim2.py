@@ -267,5 +267,5 @@ def _follow(scene: Scene, plan: OrbitsPlan, special: Record, sense: int) -> Reco
                 if len(rows) >= wanted.max_points:
                     return {"rows": rows, "ended": f"max_points = {wanted.max_points} reached"}
         except NoConvergenceError as error:
-            return {"rows": rows, "ended": f"no point beyond: {error}"}
+            return {"rows": rows, "ended": f"no further orbit found: {error}"}
     return {"rows": rows, "ended": "end of a key's range"}

@@ -79,7 +79,7 @@ def _describe_slip(shooter: Shooter, state: FloatArray, period: int) -> str:
     poles = [exciter.pole_pairs for exciter in scene.exciter_pair]
     unequal = f"; their motors have {poles[0]} and {poles[1]} pole pairs" if poles[0] != poles[1] else ""
     return (
-        f"exciters are not synchronous: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1; allowed: "
+        f"exciters are not synchronized: exciter 2 makes {abs(turns):.4g} turns in {period} of exciter 1; allowed: "
         f"whole turns{unequal}"
     )
 

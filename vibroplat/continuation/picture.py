@@ -43,15 +43,9 @@ class Branches(Sweeps):
     special: pd.DataFrame = field(default_factory=pd.DataFrame)
     second: str = ""
 
-    @property
-    def colours(self) -> dict[str, str]:
-        """Colours of combinations of the grid's values by their labels, or of branches."""
-        names = list(dict.fromkeys(self.curve(rows) for rows in self.branches))
-        return dict(zip(names, picture.palette(len(names)), strict=True))
-
     def curve(self, rows: pd.DataFrame) -> str:
-        """Return what the curve of a branch is called: by its combination, or by its number where there is one."""
-        return self.label(rows.iloc[0]) or f"branch {rows['branch'].iloc[0]}"
+        """Return what the curve of a branch is called: by its combination, or by its period where there is one."""
+        return self.label(rows.iloc[0]) or f"period {rows.get('period', pd.Series([1])).iloc[0]:g}"
 
     def special_of(self, row: pd.Series) -> pd.DataFrame:
         """Return the special points of the branch of a row."""
@@ -133,6 +127,7 @@ def branches(data: Branches) -> picture.Picture:
         states=content.states_of(~table["stable"].astype(bool)),
         meanings=_STABLE,
         rotation=data.rotation,
+        scale=data.shown_scale,
         caption=data.caption(left),
         meaning="Solid: stable orbits; dashed: unstable ones. White marks: special points of "
         f"branches, at their exact frequency.{data.meaning}",

@@ -11,7 +11,7 @@ import pandas as pd
 from vibroplat.basin.fractions import clopper_pearson
 from vibroplat.columns import display_name, is_angle, unit_of
 from vibroplat.config.circular import NO_MEAN, centre_text, on_line, value_text
-from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, NEGLIGIBLE, number, percent, prefixed, quantity
+from vibroplat.config.digits import DIGITS, FREQUENCY_DIGITS, MISSING, NEGLIGIBLE, number, percent, prefixed, quantity
 from vibroplat.config.study_plans import DesignPlan
 from vibroplat.designs.samples import QUANTILES
 from vibroplat.results.answer import counted, in_columns
@@ -22,6 +22,8 @@ MAX_KEYS, MAX_MEASURES, MAX_ELASTICITIES = 4, 3, 3
 END_DISTANCE = 1e-3
 #: Relative difference of objectives up to which searches agree.
 OBJECTIVE_TOLERANCE = 1e-4
+#: What begins the line of samples.
+SAMPLED = "within the tolerances"
 #: Smallest fraction of a variance that is printed.
 MIN_PRINTED_FRACTION = 0.005
 
@@ -92,7 +94,7 @@ def _samples(plan: DesignPlan, samples: pd.DataFrame, contributions: pd.DataFram
     texts = [f"{percent(samples['stable'].mean())} {'stable' if 'stability_margin' in samples else 'settle alike'}"]
     together = [*count_satisfied(plan, samples).values()][:1]
     texts += [f"{with_confidence(count, len(samples))} within bounds" for count in together]
-    yield f"{counted(len(samples), 'machine')} within the tolerances: {', '.join(texts)}"
+    yield f"{counted(len(samples), 'machine')} {SAMPLED}: {', '.join(texts)}"
     yield from quantile_lines(plan, samples, contributions, MAX_MEASURES)
 
 
@@ -104,14 +106,14 @@ def quantile_lines(
     names = [name for name in (*asked, *contributions["measure"].unique()) if name]
     shown = [name for name in dict.fromkeys(names) if name in samples and samples[name].notna().any()][:most]
     each = len(plan.constraints) > 1
-    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["keep its bound"] * each, "fraction of the variance"]]
+    rows = [["", *(f"{100.0 * of:.0f} %" for of in QUANTILES), *["within bound"] * each, "fraction of the variance"]]
     for name in shown:
         values = pd.Series(on_line(name, samples[name])).quantile(list(QUANTILES)).tolist()
         factor, unit = (1.0, "rad") if is_angle(name) else prefixed(values[1], unit_of(name))
         digits = FREQUENCY_DIGITS if unit == "Hz" else DIGITS
         label = display_name(name) + centre_text(name, samples[name])
         texts = [f"{label} ({unit})" if unit else label]
-        within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else ""
+        within = percent(plan.keeps(name, samples[name]).mean()) if name in plan.constraints else MISSING
         own = contributions[contributions["measure"] == name].sort_values("regression", ascending=False, kind="stable")
         parts = zip(own["key"].head(MAX_KEYS if most is None else 1), own["regression"], strict=False)
         explained = ", ".join(f"{key} {percent(part)}" for key, part in parts if part >= MIN_PRINTED_FRACTION)

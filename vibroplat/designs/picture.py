@@ -8,10 +8,11 @@ from textwrap import fill
 
 import numpy as np
 
-from vibroplat.columns import display_name, display_unit, indexed_name, is_angle, unit_of
+from vibroplat.columns import display_name, indexed_name, is_angle
 from vibroplat.config import digits
-from vibroplat.config.circular import NO_MEAN, beyond, centre_text, circular_mean, on_line
+from vibroplat.config.circular import beyond, circular_mean, on_line
 from vibroplat.config.study_plans import DesignPlan
+from vibroplat.designs.answer import SAMPLED
 from vibroplat.errors import TableError
 from vibroplat.frames import pd
 from vibroplat.results import content, picture
@@ -53,7 +54,7 @@ def _caption(result: Result, plan: DesignPlan, told: str = "") -> str:
 def bound_of(plan: DesignPlan, name: str) -> str:
     """Return a bound in words and in the unit of its axis: "RMS y ≥ 1 mm"."""
     sign, value = plan.bound(name)
-    unit, factor = display_unit(name)
+    unit, factor = digits.shown_unit(name, value)
     return f"{display_name(name)} {'≥' if sign > 0.0 else '≤'} {digits.given(factor * value)} {unit}".strip()
 
 
@@ -74,7 +75,7 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
     return picture.Picture(
         name="sensitivities",
         heading="Elasticities",
-        title=_strongest(known),
+        title=titles.sentence(result.answer.headline),
         table=table,
         table_name="sensitivities",
         axes=["elasticity"],
@@ -94,16 +95,6 @@ def _sensitivities(result: Result, plan: DesignPlan) -> picture.Picture:
     )
 
 
-def _strongest(known: pd.DataFrame) -> str:
-    """Say which key moves the first measures most."""
-    texts, sizes = list[str](), known["elasticity"].astype(float).abs()
-    largest = known.loc[sizes.groupby(known["measure"]).idxmax()].sort_values("elasticity", key=abs, ascending=False)
-    for _, row in largest.head(2).iterrows():
-        change = digits.number(float(row["elasticity"]))
-        texts.append(f"{indexed_name(str(row['measure']))} {change} % for 1 % of {key_name(str(row['key']))}")
-    return titles.sentence(*texts) or "No measure depends on a key"
-
-
 def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     """Return samples in the order of each measure that varies, in the colours of their regimes, with bounds."""
     table = picture.finite(content.rows_in(result, "samples", ("regime",)))
@@ -115,6 +106,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     nominal = _nominal(result, plan)
     panels, _ = content.measures(table, asked=shown) if shown else ([], "")
     lost = ~table["stable"].astype(bool) & ("stability_margin" in table)
+    answer = [result.answer.headline, *result.answer.short]
     regimes = table["regime"].mask(lost, table["regime"] + ", orbit lost").fillna("lost")
     colours = picture.attractor_colours(regimes)
     classes = {name: (colour, name) for name, colour in colours.items()}
@@ -137,7 +129,7 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
     return picture.Picture(
         name="samples",
         heading="Tolerances",
-        title=_within(plan, table, shown),
+        title=titles.sentence(next((line for line in answer if SAMPLED in line), answer[0])),
         table=table,
         table_name="samples",
         drawn=table.assign(regime=regimes),
@@ -152,22 +144,6 @@ def _samples(result: Result, plan: DesignPlan) -> picture.Picture:
         caption=_caption(result, plan, "\n".join(filter(None, more))),
         meaning="Each dot is a scene within the tolerances, in the colour of its regime; rings: 5, 50 and 95 %.",
     )
-
-
-def _within(plan: DesignPlan, table: pd.DataFrame, shown: Sequence[str]) -> str:
-    """Say how many samples keep all bounds, or how far most samples spread."""
-    if bounds := [name for name in plan.constraints if name in table]:
-        inside = np.logical_and.reduce([plan.keeps(name, table[name]) for name in bounds])
-        words = " and ".join(bound_of(plan, name) for name in bounds)
-        return f"{int(inside.sum())} of {len(table)} samples keep {words}"
-    if not shown:
-        return f"No measure varies among {len(table)} samples"
-    name, values = shown[0], table[shown[0]].dropna().astype(float)
-    low, high = np.percentile(on_line(name, values), (5.0, 95.0))
-    if not np.isfinite(low):
-        return titles.sentence(f"{display_name(name)}: {NO_MEAN}")
-    called = f"{display_name(name)}{centre_text(name, values)}{' rad:' * is_angle(name)}"
-    return titles.sentence(f"{called} {digits.interval(low, high, unit_of(name))} in 90 %")
 
 
 def _nominal(result: Result, plan: DesignPlan) -> Mapping[str, float]:

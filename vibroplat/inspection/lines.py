@@ -109,9 +109,11 @@ def _passing(v: Numbers) -> str:
     """Write the torque that passes a resonance and what both motors give there."""
     if not v["passage_axis"]:
         return "no resonance below holds the motors" if v["start"] else ""
+    where = f"{v['passage_axis'].replace('phi', 'φ')} ({quantity(v['passage_frequency_hz'], 'Hz', digits=3)})"
+    if v["passage_available_n_m"] <= 0.0:
+        return f"no torque left at {where}"
     needed = together([v["passage_torque_n_m"], v["passage_available_n_m"]], "N·m", " of ")
-    where = quantity(v["passage_frequency_hz"], "Hz", digits=3)
-    return f"to pass {v['passage_axis'].replace('phi', 'φ')} ({where}) {needed}"
+    return f"to pass {where} {needed}"
 
 
 def _mass(v: Numbers) -> tuple[str, ...]:
@@ -136,14 +138,18 @@ def _throw_angle(v: Numbers) -> Iterator[str]:
     if v["path_ratio"] <= STRAIGHT:
         yield f"at {quantity(math.degrees(v['throw_angle_rad']), '°')} to the deck"
     elif math.isfinite(v["path_ratio"]):
-        yield f"path {percent(v['path_ratio'])} as wide as long"
+        yield f"elliptic path, axis ratio {number(v['path_ratio'], 2)}"
 
 
 def _conveying(v: Numbers) -> Iterator[str]:
     """Yield the expected conveying speed, or for what there is a formula."""
     low, high = v["conveying_speed_low_m_per_s"], v["conveying_speed_high_m_per_s"]
     ranges = ", ".join(f"{given(first)} … {given(last)}" for (first, last), _ in BANDS)
-    text = "formulas are for straight paths" if v["path_ratio"] > STRAIGHT else f"formulas: throw {ranges}"
+    text = (
+        "formulas are for straight paths"
+        if v["path_ratio"] > STRAIGHT
+        else f"formulas valid only for throw index {ranges}"
+    )
     known = math.isfinite(low)
     yield interval(low, high, "m/s") if known else MISSING
     yield f"formula of practice; simulations are up to {percent(ERROR)} off" if known else text

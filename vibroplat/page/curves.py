@@ -11,13 +11,14 @@ import numpy as np
 
 from vibroplat.columns import FORCES
 from vibroplat.measured.data import Measured
-from vibroplat.page.panels import points, strips
+from vibroplat.page.panels import entry_html, points, strips
 from vibroplat.page.run import ShownRun
-from vibroplat.page.svg import Plot, plain_text
+from vibroplat.page.svg import Plot
 from vibroplat.page.view import View, axis_name, heading, places_of
 from vibroplat.plots.histories import FURTHER, POWERS
 from vibroplat.plots.run import FIGURES, RunPicture, beside, curve, missing, of_both
 from vibroplat.results.labels import capital
+from vibroplat.results.legend import legend_of
 from vibroplat.results.picture import VERMILION, Facet, Panel, Picture
 from vibroplat.results.run import RunResult
 
@@ -106,7 +107,7 @@ def _platform(shown: RunPicture, main: str) -> Picture:
 def _further(shown: RunPicture) -> Picture:
     """Show what no printed figure has: upper layer, contact force of the whole run, powers of the motors."""
     panels = []
-    for column, label in ((FURTHER, "upper layer relative to the lower one (mm)"), ("contact_force_n", "")):
+    for column, label in ((FURTHER, "upper layer relative to the lower one"), ("contact_force_n", "")):
         for run in (run for run in shown.runs if column in run.shown):
             curve(shown, run, column, label=shown.called(run))
         panels.append(Panel(column, label=label))
@@ -133,9 +134,8 @@ def _plots(picture: Picture, panel: Panel) -> list[Plot]:
             plot = points(view, panel, shown)
             plot.look = ""
             plot.title = ", ".join(filter(None, (name, facet.label.partition(":")[0])))
-            labels = {plain_text(one.label): one.colour for one in shown if one.label and one.mode != "shade"}
-            plot.key = [*labels.items()] if len(labels) > 1 or any(" = " in label for label in labels) else []
-            looks = {one.look: one.dash for one in shown if one.look and one.dash != "-"}
-            plot.note = " ".join(filter(None, (plot.note, *(f"dashed: {look}" for look in looks))))
+            named = [one for one in shown if one.mode != "shade"]
+            entries = legend_of(replace(picture, panels=(), lines=(), series=named))
+            plot.key = [*map(entry_html, entries)] if len(entries) > 1 or " = " in entries[0].text else ()
             plots.append(plot)
     return plots

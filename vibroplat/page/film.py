@@ -17,9 +17,11 @@ from matplotlib.transforms import Affine2D, Transform
 from PIL import Image
 
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.digits import shown_unit
 from vibroplat.config.scene import Scene
 from vibroplat.errors import VibroplatError
 from vibroplat.page import machine
+from vibroplat.plots.axes import label_axis
 from vibroplat.plots.histories import run_of
 from vibroplat.plots.run import FROM_REST
 from vibroplat.plots.style import head, new_figure, styled
@@ -95,10 +97,11 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Call
     move = _machine(figure.add_subplot(axes[0, 0].get_gridspec()[:, 0]), scene, table)
     head(figure, name)
     times, cursors = table["t_s"].to_numpy(), []
-    curves = ("y_m", FROM_REST, BLUE), ("gap_m", "gap (mm)", VERMILION)
+    curves = ("y_m", FROM_REST, BLUE), ("gap_m", "gap", VERMILION)
     for axis, (column, label, colour) in zip(axes[:, 1], curves, strict=False):
-        axis.plot(times, 1e3 * table[column], color=colour)
-        axis.set(ylabel=label, xlim=(times[0], times[-1]))
+        axis.plot(times, table[column], color=colour)
+        axis.set_xlim(times[0], times[-1])
+        label_axis(axis.yaxis, column, shown_unit(column, float(table[column].abs().max())), label)
         cursors.append(axis.axvline(times[0], color="black", lw=1.0))
     axes[-1, 1].set_xlabel("$t$ (s)")
     figure.set_dpi(DPI)

@@ -14,6 +14,7 @@ import pandas as pd
 
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
+from vibroplat.results.picture import CURVES
 
 #: Half the platform's width, length of a spring between layers, largest of the force's arrow, room for motion: units of
 #: the drawing.
@@ -29,7 +30,6 @@ FRAMES = 36
 MOVING = ("x_m", "y_m", "phi_rad", "phi1_rad", "phi2_rad", "gap_m", "upper_m", "along_m", "contact_force_n")
 #: Largest of the whole numbers that curves are packed as.
 STEPS = 65534
-_EXCITERS = ("#0072B2", "#D55E00")
 #: The button that stops it.
 PLAY = '<button type="button" class="play" aria-pressed="true">Pause</button>'
 
@@ -182,7 +182,7 @@ def _coil(length: float, turns: int, width: float) -> str:
 
 def _exciter(number: int, axis: tuple[float, float], radius: float, direction: float) -> str:
     """Return an exciter: its circle, which way it turns, and the arm with the unbalance, which points along x."""
-    inner, colour = 0.55 * radius, _EXCITERS[number]
+    inner, colour = 0.55 * radius, CURVES[number]
     x, y = inner * math.cos(0.9), inner * math.sin(0.9)
     head = f"translate({x:.1f} {-y:.1f}) rotate(50)" if direction < 0 else f"translate({-x:.1f} {-y:.1f}) rotate(130)"
     return (

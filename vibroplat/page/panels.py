@@ -10,10 +10,9 @@ import numpy as np
 import pandas as pd
 from contourpy import contour_generator
 
-from vibroplat.columns import display_name, is_angle, quantity_of, unit_of
-from vibroplat.config.circular import degrees_text, ranked
-from vibroplat.config.digits import quantity
-from vibroplat.page.svg import Floats, Plot, Scale, plain_text, unit_for
+from vibroplat.config.circular import ranked, shown_value
+from vibroplat.page.svg import Floats, Plot, Scale, plain_text
+from vibroplat.page.text import escape
 from vibroplat.page.view import (
     View,
     axis_name,
@@ -22,27 +21,56 @@ from vibroplat.page.view import (
     heading,
     isolated_points,
     places_of,
-    shown_at,
 )
-from vibroplat.results.labels import halfway, in_ratios
-from vibroplat.results.picture import BLACK, FULL, LOST, LOW, VERMILION, Facet, Panel, Series, Strip, StripSpan
+from vibroplat.results.labels import halfway, in_ratios, key_name
+from vibroplat.results.legend import HALF, Entry, legend_of_strips
+from vibroplat.results.picture import (
+    BLACK,
+    FAILED,
+    FULL,
+    LOST,
+    LOW,
+    REFERENCE,
+    VERMILION,
+    Facet,
+    Panel,
+    Series,
+    Strip,
+    StripSpan,
+    on_axis,
+)
 
 #: Signs of matplotlib's markers.
 SIGNS = dict(zip("osD^vXP*", "○□◇△▽✕✚★", strict=True))
 #: What columns of classes are called.
 _CALLED = {"sync": "synchronization"}
-#: What the hatches of the page are called.
-HATCHES = ("stripes", "bars", "dots")
+#: Numbers of the page's hatches by matplotlib's.
+HATCHES = {"/////": 0, "....": 2}
 #: Samples up to which dots are large, and failed points that are marked.
 MAX_MARKED = 400
 #: Width of a band of a single point.
 BAND_WIDTH = 5.0
 
 
-def hatch_legend(hatches: Mapping[str, str], more: str) -> str:
-    """Return what hatches mean, and more."""
-    texts = [f"{HATCHES[number % len(HATCHES)]}: {text}" for number, text in enumerate(hatches.values())]
-    return plain_text("; ".join(filter(None, (*texts, more))))
+def entry_html(one: Entry) -> str:
+    """Return an entry of a legend."""
+    text, meaning = escape(plain_text(one.text)), f' title="{escape(one.more)}"' if one.more else ""
+    if one.kind == "line" and one.dash == "-" and not one.symbol and one.colour != REFERENCE:
+        return f'<em style="color:{one.colour}">{text}</em>'
+    sample = ""
+    if one.kind == "line":
+        look = f"stroke:{one.colour};stroke-width:1.6;stroke-dasharray:{dashes(one.dash) or 'none'}"
+        sample = f'<svg width="26" height="8"><path d="M0 4H26" style="{look}"/></svg>'
+    elif one.hatch:
+        size, number = 'width="600" height="480"', HATCHES.get(one.hatch, "")
+        area = f'<rect {size} fill="#777"/><rect {size} fill="url(#hatch-{number})"/>'
+        sample = f'<svg width="18" height="12" viewBox="0 0 600 480">{area}</svg>'
+    elif one.kind == "area":
+        opacity = one.opacity if one.opacity < HALF else 1.0
+        sample = f'<b class="box" style="background:{one.colour};opacity:{opacity:g}"></b>'
+    if one.symbol:
+        sample += f'<b style="color:{one.colour}">{SIGNS.get(one.symbol, "◆")}</b>'
+    return f"<span{meaning}>{sample} {text}</span>"
 
 
 def figures(view: View, facet: Facet | None) -> list[str]:
@@ -50,7 +78,7 @@ def figures(view: View, facet: Facet | None) -> list[str]:
     all_of = list(view.picture.series)
     numbers = range(len(all_of)) if facet is None else facet.series
     shown = [all_of[n] for n in numbers]
-    html = strips(view) if facet is None or facet is view.picture.facets[0] else []
+    html = strips(view, facet) if facet is None or facet.strips or facet is view.picture.facets[0] else []
     for panel in view.picture.panels:
         if panel.column == (panel.x or view.axis) and panel.kind == "points":
             continue
@@ -68,7 +96,7 @@ def points(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     x_values, y_values = view.values(x_column), view.values(column)
     bands = [one for one in own if one.mode == "band"]
     low = view.values(f"{column}{LOW}")[places_of(bands)]
-    y = Scale.of(np.append(view.reached(column, places), low), column, least=panel.least, log=panel.scale == "log")
+    y = view.scale(column, np.append(view.reached(column, places), low), least=panel.least, log=panel.scale == "log")
     plot = view.plot(panel, view.across(panel, shown), y)
     for one in bands:
         _band(view, plot, column, one, x_values)
@@ -131,12 +159,12 @@ def _series(view: View, plot: Plot, series: Series, x: Floats, y: Floats) -> Non
     plot.dots(x[places[odd]], y[places[odd]], label, series.colour, size=size, hollow=True, pale=series.pale)
     lost = places[state == LOST]
     for point in lost[:MAX_MARKED]:
-        plot.mark(x[point], y[point] if np.isfinite(y[point]) else plot.y.low, "failed", "✕", "#a00000")
+        plot.mark(x[point], y[point] if np.isfinite(y[point]) else plot.y.low, "failed", "✕", FAILED)
 
 
 def _draw_classes(view: View, plot: Plot, panel: Panel, places: Any, x: Floats, y: Floats, colour: str = "") -> None:
     """Draw dots at some places in the colours of a column, or in one where the panel has none."""
-    looks = colour_classes(panel, view.picture.points.iloc[places]) if panel.by else [("", colour, slice(None))]
+    looks = colour_classes(panel, view.picture, places) if panel.by else [("", colour, slice(None))]
     for name, own, chosen in looks:
         plot.dots(x[chosen], y[chosen], name, own, size=5.0 if len(places) <= MAX_MARKED else 3.2)
 
@@ -150,18 +178,17 @@ def tiles(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
         return view.plot(panel, Scale(0.0, 1.0), Scale(0.0, 1.0))
     levels, over = np.unique(up[places]), np.unique(across[places])
     at = np.searchsorted(levels, up[places])
-    unit, factor = unit_for(panel.column, float(np.abs(levels).max()))
-    ends, units = halfway(over), unit_for(view.axis, float(over[-1]))
-    x = Scale(ends[0], ends[-1], *units, label=axis_name(panel.x or view.axis), log=in_ratios(over))
+    unit, factor = view.picture.unit(panel.column)
+    ends, column = halfway(over), panel.x or view.axis
+    x = Scale(ends[0], ends[-1], *view.picture.unit(column), label=axis_name(column), log=in_ratios(over))
     y = Scale(-0.5, len(levels) - 0.5, unit, names=[f"{level * factor:.4g}" for level in levels])
     title = plain_text(panel.title or panel.label) or _CALLED.get(panel.by) or axis_name(panel.by)
     plot = view.plot(panel, x, y, f"{title}; upwards: {axis_name(panel.column)}")
     points = view.picture.points
-    looks = colour_classes(panel, points)
+    looks = colour_classes(panel, view.picture)
     kinds = np.select([chosen for *_, chosen in looks], [name for name, *_ in looks], "")
     classes = {name: (colour, name) for name, colour, _ in looks}
     hatched = points[panel.hatch].to_numpy(dtype=object) if panel.hatch else np.full(len(points), "")
-    plot.note = hatch_legend(panel.hatches, panel.note)
     for row in range(len(levels)):
         own = places[at == row]
         strip = Strip("", "", own.tolist(), kinds[own].tolist(), hatched[own].tolist())
@@ -202,8 +229,7 @@ def _spans(
         if colour:
             plot.box(across, up, colour, plain_text(meaning))
         if span.hatch in hatches:
-            hatch = [*hatches].index(span.hatch) % len(HATCHES)
-            plot.box(across, up, f"url(#hatch-{hatch})", hatches[span.hatch])
+            plot.box(across, up, f"url(#hatch-{HATCHES[span.hatch]})", hatches[span.hatch])
         if span.lined:
             plot.box(across, (row + 0.38, row + 0.46), "#000")
         if span.text:
@@ -214,8 +240,8 @@ def bars(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     """Draw horizontal bars over words, the first one on top."""
     places = places_of(shown)
     values = view.values(view.axis)[places]
-    words = [display_name(str(word)) or str(word) for word in view.picture.points[panel.column].iloc[places]]
-    x = Scale.of(np.append(values, 0.0), view.axis, label=plain_text(panel.label) or axis_name(view.axis))
+    words = [plain_text(key_name(str(word))) for word in view.picture.points[panel.column].iloc[places]]
+    x = view.scale(view.axis, np.append(values, 0.0), label=plain_text(panel.label) or axis_name(view.axis))
     y = Scale(len(words) - 0.5, -0.5, names=words)
     plot = view.plot(panel, x, y, heading(panel))
     plot.look, plot.height = "picture bars", f"--h:{22 * max(len(words), 1) + 6}px"
@@ -252,37 +278,35 @@ def ranks(view: View, panel: Panel, shown: Sequence[Series]) -> Plot:
     ranks, quantiles = ranked(panel.column, values[places], fractions)
     order = places[ranks]
     shares = (np.arange(len(order)) + 0.5) / max(len(order), 1)
-    label = plain_text(quantity_of(panel.column).name)
-    x = Scale.of(view.reached(panel.column, order), panel.column, label=label)
+    x = view.scale(panel.column, view.reached(panel.column, order), label=axis_name(panel.column))
     plot = view.plot(replace(panel, column="", x=panel.column), x, Scale(0.0, 1.0, "%", 100.0), heading(panel))
     _draw_classes(view, plot, panel, order, values[order], shares, shown[0].colour)
     for fraction, value in zip(fractions, quantiles.tolist(), strict=False):
-        text = degrees_text(value) if is_angle(panel.column) else quantity(value, unit_of(panel.column))
-        plot.mark(shown_at(panel.column, value), fraction, f"{100 * fraction:g} %: {text}")
+        text = shown_value(panel.column, value, float(np.abs(values[order]).max()))
+        plot.mark(float(on_axis(panel.column, value)), fraction, f"{100 * fraction:g} %: {text}")
     view.hits(plot, values[order], shares, order)
     return plot
 
 
-def strips(view: View) -> list[str]:
+def strips(view: View, facet: Facet | None = None) -> list[str]:
     """Return what happens along branches, as strips over the axis, one below the other."""
     strips = view.picture.strips
-    if strips is None or not strips.rows:
+    if strips is None:
         return []
-    at = view.values(view.axis)
-    spans = [strip.spans(at) for strip in strips.rows]
+    at, shown = view.values(view.axis), strips.of(facet)
+    spans = [strip.spans(at) for strip in shown]
     if not any(spans):
         return []
     x = view.across(Panel(view.axis), view.picture.series)
-    y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in strips.rows])
+    y = Scale(len(spans) - 0.5, -0.5, names=[plain_text(strip.label) for strip in shown])
     plot = Plot(plain_text(strips.label), x, y, "picture strips")
     plot.height = f"--h:{24 * len(spans) + 6}px"
-    plot.note = hatch_legend(strips.hatches, f"line: {strips.line}" if strips.line else "")
+    plot.key = [entry_html(one) for one in legend_of_strips(strips)]
     for row, row_spans in enumerate(spans):
         _spans(plot, row, row_spans, strips.classes, strips.hatches, 0.36)
-    places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in strips.rows])
-    rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in strips.rows])
+    places = np.concatenate([np.asarray(strip.rows, dtype=int) for strip in shown])
+    rows = np.repeat(np.arange(len(spans), dtype=float), [len(strip.rows) for strip in shown])
     view.hits(plot, at[places], rows, places)
-    plot.key = [(plain_text(meaning), colour) for colour, meaning in strips.classes.values()]
     return [plot.html()]
 
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from vibroplat.page.machine import PLAY, as_json
 from vibroplat.page.orbits import Motions
-from vibroplat.page.panels import SIGNS, figures
+from vibroplat.page.panels import entry_html, figures
 from vibroplat.page.svg import Plot, Scale, plain_text
 from vibroplat.page.tables import fold, hint, rows_on_page, table_html
 from vibroplat.page.text import escape
-from vibroplat.page.view import View, axis_name, colour_classes, dashes, ends_of_scale, heading
+from vibroplat.page.view import View, axis_name, ends_of_scale, heading
+from vibroplat.results.legend import legend_of
 from vibroplat.results.picture import Facet, Picture
 
 #: Room of the figures of a picture, over further axes too, which have all panels once more (bytes).
@@ -98,40 +99,15 @@ def _count_orbits(moved: dict[str, Any], count: int) -> str:
 
 
 def _key(picture: Picture) -> str:
-    """Return the legend of a picture: what colours, lines, signs and scales mean."""
-    entries: dict[str, str] = {}
-    alike = len({one.colour for one in picture.series if one.label or one.look}) == 1
-    for one in picture.series:
-        label, look = plain_text(one.label), plain_text(one.look)
-        if label:
-            entries.setdefault(label, f'<em style="color:{one.colour}">{escape(label)}</em>')
-        if look:
-            pattern = dashes(one.dash) or "none"
-            pen = f"stroke:{one.colour if alike else '#333'};stroke-width:1.6;stroke-dasharray:{pattern}"
-            line = f'<svg width="26" height="8"><path d="M0 4H26" style="{pen}"/></svg>'
-            entries.setdefault(look, f"<span>{line if one.mode != 'dots' else ''} {escape(look)}</span>")
-    for mark in picture.marks:
-        colour = f' style="color:{mark.colour}"' if mark.colour else ""
-        sign = f"<b{colour}>{SIGNS.get(mark.symbol, '◆')}</b>"
-        entries.setdefault(mark.kind, f'<span title="{escape(mark.meaning)}">{sign} {escape(mark.kind)}</span>')
+    """Return the legend of a picture, and what colours along a scale mean."""
+    entries = [entry_html(one) for one in legend_of(picture)]
     for panel in picture.panels:
-        for name, text in _classes(panel, picture).items():
-            entries.setdefault(f"{panel.by}{name}", text)
-    return f'<p class="key">{"".join(entries.values())}</p>' if entries else ""
-
-
-def _classes(panel: Any, picture: Picture) -> dict[str, str]:
-    """Return the legend of the colours of a panel."""
-    if not panel.by or panel.by not in picture.points:
-        return {}
-    if panel.classes:
-        named = colour_classes(panel, picture.points)
-        box = '<b class="box" style="background:{}"></b>'
-        return {name: f"<span>{box.format(colour)}{escape(name)}</span>" for name, colour, _ in named}
-    values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
-    low, high, unit, factor = ends_of_scale(panel, values)
-    text = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark".replace(" ,", ",")
-    return {panel.by: f"<span>{escape(text)}</span>"}
+        if panel.by and not panel.classes and panel.by in picture.points:
+            values = picture.points[panel.by].to_numpy(dtype=float, na_value=np.nan)
+            (low, high), (unit, factor) = ends_of_scale(panel, values), picture.unit(panel.by)
+            text = f"{heading(panel)}: {low * factor:.3g}, pale, to {high * factor:.3g} {unit}, dark"
+            entries.append(f"<span>{escape(text.replace(' ,', ','))}</span>")
+    return f'<p class="key">{"".join(dict.fromkeys(entries))}</p>' if entries else ""
 
 
 # -- what a click shows ------------------------------------------------------------------------------------------------

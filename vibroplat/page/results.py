@@ -12,7 +12,7 @@ from vibroplat.config.keys import Key, key_of
 from vibroplat.config.kinds import KINDS, unused_sections
 from vibroplat.errors import TableError
 from vibroplat.results.files import commands_in
-from vibroplat.results.labels import differing, leaves, shortened, value_words
+from vibroplat.results.labels import differing, leaves, values_text
 from vibroplat.results.result import Result
 from vibroplat.results.run import RunResult, load
 
@@ -90,5 +90,5 @@ def differences(commands: Sequence[str], configurations: Sequence[Mapping[str, A
     for command in dict.fromkeys(commands):
         places = [index for index, one in enumerate(commands) if one == command]
         for index, keys in zip(places, differing(command, [configurations[index] for index in places]), strict=True):
-            texts[index] = ", ".join(shortened([value_words(key, value) for key, value in keys.items()]))
+            texts[index] = values_text(keys)
     return texts

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN, display_unit, unit_of
-from vibroplat.config.digits import decimal, prefixed
+from vibroplat.config.digits import tick_text
 from vibroplat.page.text import escape
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -34,20 +33,6 @@ QUARTER = 90.0
 _UNSEEN = '<div class="cursor" hidden></div><div class="pick" hidden></div>'
 #: Numbers on an axis, about, across and up.
 TICKS = (6, 5)
-
-
-def unit_for(column: str, size: float) -> tuple[str, float]:
-    """Return the unit in which numbers of a column up to a size are shown, and the factor from SI units to it.
-
-    Phase differences are in degrees, lengths in mm; forces, torques, powers and works have a prefix. Keys have the unit
-    of their name.
-    """
-    if column == PHASE_COLUMN:
-        return "°", 180.0 / math.pi
-    if "." in column:
-        return display_unit(column)
-    step, name = prefixed(size, unit_of(column))
-    return name, 1.0 / step
 
 
 def plain_text(label: str) -> str:
@@ -92,21 +77,20 @@ class Scale:
 
     @classmethod
     def of(
-        cls, values: Floats, column: str, *, least: float | None = None, log: bool = False, label: str = ""
+        cls, values: Floats, unit: str, factor: float, *, least: float | None = None, log: bool = False, label: str = ""
     ) -> Scale:
-        """Return an axis with room for some values of a column.
+        """Return an axis with room for some values, whose numbers are shown in a unit.
 
         With ``least`` it begins at 0 and goes at least to there.
         """
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-        unit, factor = unit_for(column, max(abs(low), abs(high)))
         if log and low > 0.0:
             part = (high / low) ** ROOM if high > low else 1.2
             return cls(low / part, high * part, unit, factor, label=label, log=True)
         if least is not None:
             low, high = min(low, 0.0), max(high, least)
-        floor = LEAST_PHASE if column == PHASE_COLUMN else LEAST * max(abs(low), abs(high)) or 1.0
+        floor = LEAST_PHASE if unit == "°" else LEAST * max(abs(low), abs(high)) or 1.0
         missing = 0.5 * max(floor - (high - low), 0.0)
         room = missing + ROOM * (high - low + 2.0 * missing)
         return cls(low - room, high + room, unit, factor, label=label)
@@ -128,15 +112,14 @@ class Scale:
         if self.log and high > 3.0 * low:
             powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
             steps = (1, 2, 5) if len(powers) < 4 else (1,)
-            ticks = [(step * 10.0**power, max(-power, 0)) for power in powers for step in steps]
-            ticks = [(value, places) for value, places in ticks if low - 1e-9 * low <= value <= high * (1.0 + 1e-9)]
+            ticks = [(step * 10.0**power, 10.0**power) for power in powers for step in steps]
+            ticks = [(value, step) for value, step in ticks if low - 1e-9 * low <= value <= high * (1.0 + 1e-9)]
         else:
             step = QUARTER if self.unit == "°" and high - low > 2.0 * QUARTER else nice_step(high - low, most)
-            places = max(0, -math.floor(math.log10(step) + 1e-9))
             ends = math.ceil(low / step - 1e-6), math.floor(high / step + 1e-6)
-            ticks = [(number * step, places) for number in range(ends[0], ends[1] + 1)]
+            ticks = [(number * step, step) for number in range(ends[0], ends[1] + 1)]
         turn = 360.0 if self.unit == "°" else 0.0  # angles are told from -180 to 180, as in tables
-        texts = [tick_text(value - turn * (value > 180.0), places) for value, places in ticks]
+        texts = [tick_text(value - turn * (value > 180.0), step) for value, step in ticks]
         return [(float(self.share(value / self.factor)), text) for (value, _), text in zip(ticks, texts, strict=True)]
 
     @property
@@ -153,21 +136,6 @@ def nice_step(span: float, most: int) -> float:
         return 1.0
     power = 10.0 ** math.floor(math.log10(part))
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= part * 0.999)
-
-
-def tick_text(value: float, places: int) -> str:
-    """Write a number of an axis; what has many zeros as a power of ten."""
-    if places > 6 or abs(value) >= 1e6:
-        return power_of_ten(value) if value else "0"
-    return decimal(value, places)
-
-
-def power_of_ten(value: float) -> str:
-    """Write a number that is very small or large with a power of ten."""
-    mantissa, _, exponent = f"{value:.2e}".partition("e")
-    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-    front = f"{float(mantissa):g}·".removesuffix("1·") if abs(float(mantissa)) == 1.0 else f"{float(mantissa):g}·"
-    return f"{front}10{raised}".replace("-", "−")
 
 
 # -- less than there is ------------------------------------------------------------------------------------------------
@@ -237,7 +205,7 @@ class Plot:
         self.title, self.x, self.y, self.look = title, x, y, look
         self.height = self.note = ""
         self.columns = COLUMNS
-        self.key: list[tuple[str, str]] = []
+        self.key: Sequence[str] = ()
         self.hits = ""
         self._drawn: list[str] = []
         self._texts: list[str] = []
@@ -347,11 +315,11 @@ class Plot:
         numbers = "".join(f'<span class="yt" style="top:{1.0 - at:.2%}">{escape(text)}</span>' for at, text in up)
         numbers += "".join(f'<span class="xt" style="left:{at:.2%}">{escape(text)}</span>' for at, text in across)
         label = f"{self.x.label} ({self.x.unit})" if self.x.label and self.x.unit else self.x.label or self.x.unit
-        key = "".join(f'<em style="color:{colour}">{escape(name)}</em>' for name, colour in self.key)
         size, hits = (f' style="{self.height}"' if self.height else ""), (f" data-p='{self.hits}'" if self.hits else "")
         units = f'data-u="{escape(self.y.unit)}" data-xu="{escape(self.x.unit)}"'
         data = f'data-x="{self.x.attributes}" data-y="{self.y.attributes}" {units}{hits}'
-        title = f"<figcaption><b>{escape(self.title)}</b> {escape(self.y.unit)} {key} {escape(self.note)}</figcaption>"
+        notes = f"{escape(self.y.unit)} {''.join(self.key)} {escape(self.note)}"
+        title = f"<figcaption><b>{escape(self.title)}</b> {notes}</figcaption>"
         texts = f'<div class="on">{"".join(self._texts)}</div></div>{numbers}<span class="xl">{escape(label)}</span>'
         return (
             f'<figure class="plot {self.look}"{size} {data}>{title}<div class="area"><div class="clip">'

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import display_name, unit_of
-from vibroplat.config.digits import MISSING, NEGLIGIBLE, PREFIXES, decimal, digits_of, given, places
-from vibroplat.page.svg import power_of_ten, unit_for
+from vibroplat.columns import display_name, is_angle, is_rotation, unit_of
+from vibroplat.config import digits
+from vibroplat.config.digits import MISSING, decimal, power_of_ten
 from vibroplat.page.text import escape
 from vibroplat.results.answer import counted
 from vibroplat.results.labels import SUPPLY, capital
@@ -21,6 +21,8 @@ from vibroplat.results.picture import finite
 
 #: Most cells and most rows of a table on the page.
 MOST_CELLS, MOST_ROWS = 25_000, 2_000
+#: Size relative to the largest of a kind up to which numbers are round-off.
+ROUND_OFF = 1e-9
 #: Most significant digits of the largest number of a column; keys and what has no unit have them all.
 MOST_DIGITS = 5
 
@@ -67,25 +69,29 @@ def table_html(title: str, whole: pd.DataFrame, rows: Any = None, *, contents: s
 
 
 def _kind(name: str) -> str:
-    """Return with which columns one is compared: all RMS of motion, or forces, powers … of its unit; "" if none."""
-    unit = unit_of(name)
-    return "rms" if name.startswith("rms_") else unit if unit in PREFIXES and unit != "rad" and "." not in name else ""
+    """Return with which columns one is compared: RMS of motion, or lengths, forces, powers …; "" if none."""
+    if "." in name or is_angle(name):
+        return ""
+    return "rms" if name.startswith("rms_") or is_rotation(name) else unit_of(name)
 
 
 def _sizes(table: pd.DataFrame) -> dict[str, float]:
     """Return the largest number of each kind of columns."""
     sizes = dict[str, float]()
     for name in table.select_dtypes("number"):
-        if kind := _kind(str(name)):
+        kind = _kind(str(name))
+        if kind and not is_rotation(str(name)):
             largest = float(finite(table[[name]])[name].abs().max())
             sizes[kind] = max(sizes.get(kind, 0.0), 0.0 if math.isnan(largest) else largest)
+    sizes.setdefault("rms", sizes.get("m", 0.0))
     return sizes
 
 
 def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str]]:
     """Return the heading of a column and its cells: with the decimals that its numbers need; "0" if it is nothing.
 
-    It is nothing if no number of it is above 1/1000 of the ``largest`` of its kind.
+    It is nothing if no number of it is above 1/1000 of the ``largest`` of its kind, or round-off of it if small numbers
+    of its kind matter, as differences of frequencies do.
     """
     words = display_name(name) or name
     if not pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column):
@@ -93,31 +99,29 @@ def _column(name: str, column: pd.Series, largest: float) -> tuple[str, list[str
     numbers = column.to_numpy(dtype=float, na_value=np.nan)
     known = np.abs(numbers[np.isfinite(numbers)])
     size = float(known.max()) if known.size else 0.0
-    if size <= NEGLIGIBLE * largest:
+    if size <= (digits.NEGLIGIBLE if unit_of(name) in digits.PREFIXES else ROUND_OFF) * largest:
         numbers, known, size = 0.0 * numbers, 0.0 * known, 0.0
-    unit, factor = unit_for(name, size)
-    scaled, raised = size * factor, ""
-    if scaled and not 1e-3 <= scaled < 1e7:
-        power = 3 * math.floor(math.log10(scaled) / 3)
-        factor, raised = factor * 10.0**-power, power_of_ten(10.0**power)
-    whole = bool(np.all(known == np.round(known))) and not unit and not raised
-    decimals = 0 if whole else max(places(size * factor, MOST_DIGITS), 0)
+    unit, factor = digits.shown_unit(name, largest or size)
+    if size and not 1e-3 <= size * factor < 1e7:
+        power = 3 * math.floor(math.log10(size) / 3)
+        unit, factor = f"{power_of_ten(10.0**power)} {unit_of(name)}".strip(), 10.0**-power
+    whole = bool(np.all(known == np.round(known))) and not unit
+    decimals = 0 if whole else max(digits.places(size * factor, MOST_DIGITS), 0)
     if unit and name != SUPPLY and "." not in name:
-        least = float(known[known > NEGLIGIBLE * size].min(initial=size))
-        decimals = min(decimals, max(places(least * factor, digits_of(unit)), 0))
-    heading = " ".join(filter(None, (raised, unit)))
+        least = float(known[known > digits.NEGLIGIBLE * size].min(initial=size))
+        decimals = min(decimals, max(digits.places(least * factor, digits.digits_of(unit)), 0))
     cells = [decimal(value, decimals) if round(value, decimals) else "0" for value in (numbers * factor).tolist()]
-    while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were given
+    while decimals and all(cell.endswith("0") or cell in "–0" for cell in cells):  # as in values that were digits.given
         decimals -= 1
         cells = [cell if cell in "–0" else cell[:-1].removesuffix(".") for cell in cells]
-    return (f"{words} ({heading})" if heading else words), cells
+    return (f"{words} ({unit})" if unit else words), cells
 
 
 def align_lines(lines: Sequence[str]) -> str:
     """Return printed lines: those in columns as tables, whose cells are broken where there is no room."""
     html = ""
     for columns, rows in groupby((re.split(" {2,}", line.rstrip()) for line in lines), key=len):
-        texts = [[escape(cell) for cell in row] for row in rows]
+        texts = [[re.sub(r"(?<=\d) (?=[^\d\s])", "\N{NO-BREAK SPACE}", escape(cell)) for cell in row] for row in rows]
         if columns == 1:
             html += "".join(f"<p>{row[0]}</p>" for row in texts)
         else:
@@ -142,7 +146,7 @@ def value_text(value: Any) -> str:
         return MISSING if value is None else "yes" if value else "no"
     if not isinstance(value, int | float):
         return str(value)
-    return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else given(value).replace("-", "−")
+    return power_of_ten(value) if value and not 1e-4 <= abs(value) < 1e7 else digits.given(value).replace("-", "−")
 
 
 def parameters_html(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> str:

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vibroplat.columns import PHASE_COLUMN, display_name, indexed_name
+from vibroplat.columns import AXIS_NAMES, indexed_name
 from vibroplat.page.machine import base64_of
-from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text, unit_for
-from vibroplat.plots.axes import in_units, shown_quantity
-from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, shade
+from vibroplat.page.svg import COLUMNS, Floats, Plot, Scale, plain_text
+from vibroplat.results.picture import REFERENCE, Panel, Picture, Series, on_axis, shade
 
 #: Patterns of lines by matplotlib's names, in points of the screen.
 _DASHES = {"-": "", "--": "6 3", ":": "1.5 3", "-.": "7 3 1.5 3"}
@@ -46,8 +45,11 @@ class View:
         points = self.picture.points
         if column not in points or not pd.api.types.is_numeric_dtype(points[column]):
             return np.full(len(points), np.nan)
-        numbers: Floats = points[column].to_numpy(dtype=float, na_value=np.nan)
-        return in_units(numbers, column) if column == PHASE_COLUMN else numbers
+        return np.asarray(on_axis(column, points[column].to_numpy(dtype=float, na_value=np.nan)))
+
+    def scale(self, column: str, values: Floats, **look: Any) -> Scale:
+        """Return an axis of a column with room for some values."""
+        return Scale.of(values, *self.picture.unit(column), **look)
 
     def across(self, panel: Panel, series: Sequence[Series]) -> Scale:
         """Return the horizontal axis, the same for all panels of a picture, or of a facet with an axis of its own."""
@@ -55,12 +57,12 @@ class View:
         own = panel.x or any(facet.width for facet in self.picture.facets)
         shown = series if own else self.picture.series
         values = self.reached(column, places_of(shown) if shown else np.arange(len(self.picture.points)))
-        return Scale.of(values, column, label=axis_name(column), log=self.picture.log(column))
+        return self.scale(column, values, label=axis_name(column), log=self.picture.log(column))
 
     def reached(self, column: str, places: Any) -> Floats:
         """Return the values of a column at some places, and those of lines of reference that are not far away."""
         values = self.values(column)[places]
-        lines = [shown_at(column, value) for line in self.picture.lines if line.column == column for value in line.at]
+        lines = [on_axis(column, value) for line in self.picture.lines if line.column == column for value in line.at]
         known = values[np.isfinite(values)]
         if known.size:
             room = max(float(np.ptp(known)), 0.1 * abs(float(known.max())))
@@ -82,7 +84,7 @@ class View:
         for line in self.picture.lines:
             for text, value in zip([line.label, *[""] * len(line.at)], line.at, strict=False):
                 if line.column == panel.column and panel.kind != "bars":
-                    plot.rule(plain_text(text), y=shown_at(line.column, value), dash=dashes(line.dash))
+                    plot.rule(plain_text(text), y=float(on_axis(line.column, value)), dash=dashes(line.dash))
                 elif line.column == column:
                     plot.rule(plain_text(text), x=value, dash=dashes(line.dash))
         for word in self.picture.words:
@@ -104,20 +106,14 @@ class View:
 
 def axis_name(column: str) -> str:
     """Return what a column is called on an axis, without its unit; in words where a symbol has an index."""
-    name = shown_quantity(column).name
-    return indexed_name(column) if "_" in name or plain_text(name) == display_name(column) else plain_text(name)
+    name = AXIS_NAMES.get(column, "")
+    return indexed_name(column) if "_" in name or not name else plain_text(name)
 
 
 def heading(panel: Panel, *, whole: bool = False) -> str:
     """Return the heading of a panel: its title, else the label of its axis; both if ``whole``."""
     label, title = plain_text(panel.label), plain_text(panel.title)
-    words = label.rpartition(" (")[0] if label.endswith(")") else label
-    return (": ".join(filter(None, (words, title))) if whole else title or words) or axis_name(panel.column)
-
-
-def shown_at(column: str, value: float) -> float:
-    """Return a value as an axis of its column has it."""
-    return float(in_units(value, column)) if column == PHASE_COLUMN else float(value)
+    return (": ".join(filter(None, (label, title))) if whole else title or label) or axis_name(panel.column)
 
 
 def dashes(dash: Any) -> str:
@@ -139,15 +135,15 @@ def isolated_points(known: Any, rows: Any) -> Any:
     return (known & ~left & ~right)[rows >= 0]
 
 
-def colour_classes(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, Any]]:
-    """Return names, colours and which points have them: by classes of a column, or along a scale."""
-    by = points[panel.by]
+def colour_classes(panel: Panel, picture: Picture, places: Any = slice(None)) -> list[tuple[str, str, Any]]:
+    """Return names, colours and which of some places have them: by classes of a column, or along a scale."""
+    by, (unit, factor) = picture.points[panel.by].iloc[places], picture.unit(panel.by)
     if panel.classes:
         named = [(plain_text(text or name), colour, name) for name, (colour, text) in panel.classes.items()]
         classes = [(text, colour, (by == name).to_numpy()) for text, colour, name in named]
         return [one for one in classes if one[2].any()]
     values = by.to_numpy(dtype=float, na_value=np.nan)
-    low, high, unit, factor = ends_of_scale(panel, values)
+    low, high = ends_of_scale(panel, values)
     step = np.clip(np.floor((values - low) / ((high - low) or 1.0) * SHADES), 0, SHADES - 1)
     classes = [("none", "#d9d9d9", ~np.isfinite(values))]
     if panel.least is not None:  # white where there is nothing
@@ -160,10 +156,8 @@ def colour_classes(panel: Panel, points: pd.DataFrame) -> list[tuple[str, str, A
     return [one for one in classes if one[2].any()]
 
 
-def ends_of_scale(panel: Panel, values: Floats) -> tuple[float, float, str, float]:
-    """Return the ends of a scale of colours, and its unit with the factor to it."""
+def ends_of_scale(panel: Panel, values: Floats) -> tuple[float, float]:
+    """Return the ends of a scale of colours."""
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    if panel.least is not None:
-        low, high = 0.0, panel.least
-    return low, high, *unit_for(panel.by, max(abs(low), abs(high)))
+    return (low, high) if panel.least is None else (0.0, panel.least)

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from matplotlib.ticker import Formatter, LogLocator
 
-from vibroplat.columns import COORDINATES, FORCES, PHASE, PHASE_COLUMN, Quantity, describe_sync, quantity_of
+from vibroplat.columns import SYNCHRONOUS, describe_sync
 from vibroplat.config.coordinates import TURN
-from vibroplat.results.labels import EXCITATION, SUPPLY, key_label
-from vibroplat.results.picture import REFERENCE, SYNC
+from vibroplat.config.digits import tick_text
+from vibroplat.results.labels import axis_label
+from vibroplat.results.picture import LOWEST_PHASE, REFERENCE, SYNC
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
 
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
-
-_SHOWN = COORDINATES | FORCES | {"t_s": Quantity("time", "s")}
-#: Where phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
-LOWEST_PHASE = -0.5 * np.pi
-#: Distance from 0 and from π up to which phase differences are shaded as those of a synchronization (rad).
-SYNC_DISTANCE = np.pi / 3.0
 #: Margin of an axis beyond its data, relative to its range, so that markers are whole; and the smallest range, relative
 #: to the largest number on it.
 AXIS_MARGIN, MIN_RANGE_RATIO = 0.05, 1e-3
@@ -28,41 +25,47 @@ AXIS_MARGIN, MIN_RANGE_RATIO = 0.05, 1e-3
 NEAR_DECADES = 300.0
 
 
-def shown_quantity(column: str) -> Quantity:
-    """Return the name and unit of a column on an axis."""
-    return _SHOWN.get(column) or quantity_of(column)
+class InUnit(Formatter):
+    """Writes ticks in SI units in another unit, evenly spaced ones with the decimals that their distance needs."""
+
+    def __init__(self, factor: float, *, even: bool = True) -> None:
+        self.factor, self.even = factor, even
+
+    def __call__(self, value: float, pos: int | None = None) -> str:
+        """Write a tick alone."""
+        del pos
+        return tick_text(self.factor * value, abs(self.factor * value))
+
+    def format_ticks(self, values: Sequence[float]) -> list[str]:
+        """Write ticks together."""
+        if len(values) < 2 or not self.even:
+            return [self(value) for value in values]
+        step = float(self.factor * np.diff(values).min())
+        return [tick_text(self.factor * value, step) for value in values]
 
 
-def in_units(values: Any, column: str) -> FloatArray:
-    """Return values of a column in the unit of its axis; phase differences lie on their axis."""
-    numbers = np.asarray(values, dtype=float)
-    if column == PHASE_COLUMN:
-        return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE
-    return shown_quantity(column).factor * numbers
+def label_axis(along: Axis, column: str, unit: tuple[str, float], name: str = "") -> None:
+    """Name the axis of a column, and write its ticks in a unit."""
+    along.set_label_text(axis_label(column, unit[0], name))
+    along.set_major_formatter(InUnit(unit[1]))
 
 
-def label_of(column: str) -> str:
-    """Return what a column is called on an axis, with its unit."""
-    if column in (EXCITATION, SUPPLY) or "." in column:
-        return key_label(column)
-    return shown_quantity(column).label
+def write_each(along: Axis) -> None:
+    """Write each tick of an axis that is not linear with its own decimals."""
+    writes = along.get_major_formatter()
+    factor = writes.factor if isinstance(writes, InUnit) else 1.0
+    along.set_major_formatter(InUnit(factor, even=False))
 
 
-def name_axis(axis: Axes, column: str, label: str = "", rotation: str = "") -> None:
-    """Label the vertical axis of a column; on that of phase differences, also what the machine does in each class.
-
-    Phase differences lie on a circle that is cut at −π/2.
-    """
-    axis.set_ylabel(label or (PHASE if column == PHASE_COLUMN else label_of(column)))
-    if column != PHASE_COLUMN:
-        return
+def show_phases(axis: Axes, rotation: str) -> None:
+    """Let a vertical axis go once around the circle, and say what the machine does in each synchronization."""
     axis.set_ylim(LOWEST_PHASE - 0.1, LOWEST_PHASE + TURN + 0.1)
     ticks = {-0.5: "−90°", 0.0: "0°", 0.5: "90°", 1.0: "180°", 1.5: "−90°"}
     axis.set_yticks([np.pi * tick for tick in ticks], list(ticks.values()))
     for angle, name in ((0.0, "in-phase"), (np.pi, "antiphase")):
-        axis.axhspan(angle - SYNC_DISTANCE, angle + SYNC_DISTANCE, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
+        axis.axhspan(angle - SYNCHRONOUS, angle + SYNCHRONOUS, color=SYNC[name], alpha=0.1, lw=0.0, zorder=0.4)
         axis.annotate(
-            describe_sync(name, rotation), (1.0, angle + SYNC_DISTANCE), (-2.0, -2.0), axis.get_yaxis_transform(),
+            describe_sync(name, rotation), (1.0, angle + SYNCHRONOUS), (-2.0, -2.0), axis.get_yaxis_transform(),
             "offset points", fontsize=7.5, color=REFERENCE, ha="right", va="top",
         )  # fmt: skip
 
@@ -83,11 +86,9 @@ def widen_ticks(axis: Axes, which: Literal["x", "y"], least: float = 0.0) -> Non
 
 def in_decades(axis: Axes, which: Literal["x", "y"]) -> None:
     """Make an axis logarithmic once all is drawn, with plain numbers as its ticks."""
-    from matplotlib.ticker import LogLocator  # noqa: PLC0415  (the page draws without it)
-
     axis.set(**{f"{which}scale": "log"})
     along = axis.xaxis if which == "x" else axis.yaxis
     low, high = along.get_view_interval()
     along.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < NEAR_DECADES * low else (1.0,)))
-    along.set_major_formatter("{x:g}")
+    write_each(along)
     along.set_minor_formatter("")

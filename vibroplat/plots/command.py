@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vibroplat.columns import QUANTITIES
+from vibroplat.columns import MEASURES
 from vibroplat.config.kinds import KINDS, RUN_FIGURES, noun_of
 from vibroplat.errors import VibroplatError
 from vibroplat.measured.data import Measured, read_data
@@ -46,7 +46,7 @@ def draw_results(
             x = picture.axes[0] if options.get("x") is None else ABSCISSAE[options["x"]]
             if data is not None and command != "run":
                 others = [column for column in (*ABSCISSAE.values(), *picture.axes) if column != x]
-                known = [*QUANTITIES, *(panel.column for panel in picture.panels if panel.column not in QUANTITIES)]
+                known = [*MEASURES, *(panel.column for panel in picture.panels if panel.column not in MEASURES)]
                 data.select(x, known, others)
             yield picture.name, draw_picture(picture, x, data)
 

@@ -56,7 +56,7 @@ def orbit_figure(orbit: Orbit) -> Figure:
     table = orbit.run(np.linspace(0.0, orbit.run.segments[-1].end, DRAWN))
     turns = (table["phi1_rad"] - table["phi1_rad"].iloc[0]).abs() / TURN
     title = f"period {orbit.period}, {'stable' if orbit.stable else 'unstable'}, {orbit.sequence}"
-    panels = [Panel("y_rate_m_per_s", "y_from_rest_m", label=r"$\dot y$ (m/s)", title=title)]
+    panels = [Panel("y_rate_m_per_s", "y_from_rest_m", label=r"$\dot y$", title=title)]
     panels += [Panel("gap_m", "turns_of_exciter_1", least=0.0)] if orbit.scene.has_contact else []
     places = range(len(table))
     look: dict[str, Any] = {"name": "orbit", "heading": "Orbit", "table_name": "orbit", "high": True}

@@ -11,7 +11,7 @@ from vibroplat.results.run_answer import rests
 from vibroplat.results.sheet import Sheet
 
 #: Rows of the short data sheet that the title of a figure shows, by their columns.
-_STROKES, _ACCELERATIONS = {"stroke_x_m", "stroke_y_m"}, {"gamma", "acceleration_max_m_per_s2"}
+_STROKES, _ACCELERATIONS = {"stroke_x_m", "stroke_y_m"}, {"acceleration_max_m_per_s2"}
 _ROWS = {
     "motion": _STROKES | {"rms_phi_rad", "gamma"},
     "conveying": {"conveying_speed_m_per_s"},
@@ -46,7 +46,9 @@ def _sentences(kind: str, run: RunTables) -> Iterator[str]:
         return
     if sheet.transient:
         yield sheet.transient.removeprefix("while ")
-    for label, value, *words in (row.short for row in sheet.short_rows() if row.column in _ROWS[kind]):
+    every = [row.shortly(row.label, row.peak) for rows in sheet.groups.values() for row in rows]
+    shown = every if kind in ("acceleration", "spectrum") else sheet.short_rows()
+    for label, value, *words in (row.short for row in shown if row.column in _ROWS[kind]):
         parts = "; ".join(words).split("; ")
         largest = [part for part in parts if part.startswith("largest ")]
         if not (sheet.transient or still):

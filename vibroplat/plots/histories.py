@@ -28,8 +28,7 @@ from vibroplat.config.plausibility import MIN_SAMPLES_OF_SPECTRUM
 from vibroplat.config.scene import Scene
 from vibroplat.errors import TableError
 from vibroplat.observe.tables import acceleration_columns
-from vibroplat.plots.axes import FloatArray
-from vibroplat.plots.reading import Cut, Ends, ends_of, rest_of, turn_edges, with_forces
+from vibroplat.plots.reading import Cut, Ends, Floats, ends_of, rest_of, turn_edges, with_forces
 from vibroplat.results.answer import counted
 from vibroplat.results.run import RunResult
 from vibroplat.results.run_answer import rests
@@ -287,15 +286,15 @@ def lines_of(runs: Sequence[RunTables], names: Sequence[str]) -> dict[str, list[
     return {axis: of for axis, of in groups.items() if sizes[axis] >= MATTERS * max(sizes.values())}
 
 
-def spectrum_of(run: RunTables, column: str) -> tuple[FloatArray, FloatArray]:
+def spectrum_of(run: RunTables, column: str) -> tuple[Floats, Floats]:
     """Return frequencies (Hz) and amplitudes of a column over the last whole turns shown, or over all without one."""
     values = run.samples[column].to_numpy(dtype=float)
     weights = 0.5 - 0.5 * np.cos(TURN * np.arange(len(values)) / len(values))
-    sizes: FloatArray = np.abs(np.fft.rfft((values - values.mean()) * weights)) / (0.5 * weights.sum())
+    sizes: Floats = np.abs(np.fft.rfft((values - values.mean()) * weights)) / (0.5 * weights.sum())
     return np.asarray(np.fft.rfftfreq(len(values), 1.0 / run.sample_rate), dtype=float), sizes
 
 
-def folded_size(frequencies: FloatArray, sizes: FloatArray, speed: float) -> float:
+def folded_size(frequencies: Floats, sizes: Floats, speed: float) -> float:
     """Return the amplitude up to which lines of a spectrum may be orders above its end that are folded back.
 
     It is the largest one in its upper part, without the line at the speed of an exciter (Hz): with fewer than four
@@ -310,7 +309,7 @@ def folded_size(frequencies: FloatArray, sizes: FloatArray, speed: float) -> flo
     return float(sizes[upper & beside].max(initial=0.0))
 
 
-def peaks_of(frequencies: FloatArray, sizes: FloatArray, speed: float) -> str:
+def peaks_of(frequencies: Floats, sizes: Floats, speed: float) -> str:
     """Say the largest local maxima of a spectrum at the speed of an exciter (Hz), and those that are not folded."""
     inner, least = sizes[1:-1], max(MATTERS * sizes.max(), folded_size(frequencies, sizes, speed))
     known = (inner > least) | (np.abs(frequencies[1:-1] - speed) <= frequencies[1])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vibroplat.plots.axes import label_of
+from vibroplat.plots.axes import label_axis
 from vibroplat.plots.strips import height_of
 from vibroplat.plots.style import CAPTION_COLOUR, new_figure
 from vibroplat.results.picture import Facet, Panel, Picture
@@ -67,8 +67,8 @@ def _grid(picture: Picture, panels: Sequence[Panel], facets: Sequence[Facet]) ->
     return _Grid(rows, columns, (8.0 if columns == 1 else 11.0, height), not own, down=True)
 
 
-def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]:
-    """Return a figure, the axis of its strips and its panels."""
+def cells_of(picture: Picture, x: str) -> tuple[Figure, list[tuple[Axes, Facet]], list[Cell]]:
+    """Return a figure, the axes of its strips with their facets, and its panels."""
     panels = [panel for panel in picture.panels if panel.column != x or panel.kind == "ranks"]
     panels = panels or ([*picture.panels[:1]] if picture.strips is None else [])
     facets = picture.facets or (Facet("", range(len(picture.series))),)
@@ -76,28 +76,31 @@ def cells_of(picture: Picture, x: str) -> tuple[Figure, Axes | None, list[Cell]]
     shown = [(panel, facet) for panel in panels for facet in facets]
     heights = [panel.height for panel in panels] if len(panels) == grid.rows else None
     look: dict[str, Any] = {"widths": grid.widths, "heights": heights}
-    figure, axes, strip = new_figure(
+    figure, axes, above = new_figure(
         grid.rows, grid.columns, grid.size, height_of(picture), sharex=grid.sharex, sharey=grid.sharey, **look
     )
+    strips = [*zip(above, facets if grid.columns == len(facets) else facets[:1], strict=False)]
+    for unused in above[len(strips) :]:
+        unused.remove()
+    for axis, facet in strips if len(facets) > 1 else ():
+        axis.set_title(facet.label, loc="left", color=CAPTION_COLOUR, fontsize=8.5)
     order = [*(axes.T if grid.down else axes).ravel()]
     while len(order) > len(shown):  # where columns share an axis the one on top, so that they end alike
         order.pop(grid.rows if grid.down else -1).set_axis_off()
-    cells = [*_cells(grid, x, zip(order, shown, strict=False))]
-    if strip is not None and (grid.columns > 1 or not panels):
-        strip.tick_params(labelbottom=True)
-    if strip is not None and not panels:
-        strip.set_xlabel(label_of(x))
-    return figure, strip, cells
+    cells = [*_cells(grid, picture, x, zip(order, shown, strict=False))]
+    for axis, _ in strips if not panels else ():
+        label_axis(axis.xaxis, x, picture.unit(x))
+    return figure, strips, cells
 
 
-def _cells(grid: _Grid, x: str, placed: Any) -> Iterator[Cell]:
+def _cells(grid: _Grid, picture: Picture, x: str, placed: Any) -> Iterator[Cell]:
     """Yield panels in their axes, with titles, and labels of horizontal axes where none is below."""
     for axis, (panel, facet) in placed:
         spec = axis.get_subplotspec()
         if facet.label and (spec.is_first_row() or not (grid.sharey or grid.down) or panel.title):
             axis.set_title(facet.label, loc="left", color=CAPTION_COLOUR, fontsize=8.5)
         if spec.is_last_row() or not (grid.sharex or grid.down):
-            named = {"ranks": label_of(panel.column), "bars": panel.label}
-            axis.set_xlabel(named.get(panel.kind) or label_of(panel.x or x))
+            column = panel.column if panel.kind == "ranks" else panel.x or x
+            label_axis(axis.xaxis, column, picture.unit(column), panel.label if panel.kind == "bars" else "")
             axis.tick_params(labelbottom=True)
         yield Cell(axis, panel, facet, spec.is_first_col(), spec.is_last_col())

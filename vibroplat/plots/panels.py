@@ -14,14 +14,12 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import Normal, Stroke
 from matplotlib.ticker import MaxNLocator
 
-from vibroplat.columns import is_angle, quantity_of, unit_of
-from vibroplat.config import digits
-from vibroplat.config.circular import ranked, value_text
+from vibroplat.config.circular import ranked, shown_value
 from vibroplat.config.coordinates import TURN
-from vibroplat.plots.axes import in_decades, in_units
-from vibroplat.plots.strips import PALE
-from vibroplat.results.labels import halfway, in_ratios, key_label, key_name
-from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series
+from vibroplat.plots.axes import in_decades, label_axis
+from vibroplat.results.labels import halfway, in_ratios, key_name
+from vibroplat.results.legend import HATCH, TILE
+from vibroplat.results.picture import BLUE, REFERENCE, VERMILION, Panel, Picture, Series, on_axis
 
 if TYPE_CHECKING:
     from vibroplat.kernels.compiled import FloatArray
@@ -29,8 +27,8 @@ if TYPE_CHECKING:
 
 #: Bars of a panel, dots from which on they are smaller, and fractions of points that are marked (%).
 BARS, MANY, QUANTILES, SHARES = 10, 200, (5, 50, 95), (5, 25, 50, 75, 95)
-#: Hatch of tiles of points that failed, and most ticks of their vertical axis.
-HATCH, _TICKS = "xxxx", 12
+#: Most ticks of the vertical axis of tiles.
+_TICKS = 12
 #: Largest real and imaginary part on the plane, and the smallest frame, just around the unit circle.
 FARTHEST, NEAREST = 2.0, 1.1
 
@@ -92,7 +90,7 @@ def _tiles(cell: Cell, picture: Picture, x: str, shown: Sequence[Series]) -> Non
     points, (values, colours, norm) = picture.points, colour_numbers(panel, picture.points)
     rows = np.concatenate([series.places for series in shown if series.mode == "dots"])
     table = points.iloc[rows]
-    shades, alpha = pd.Series(values[rows], table.index), PALE if panel.classes else None
+    shades, alpha = pd.Series(values[rows], table.index), TILE if panel.classes else None
     _tile(axis, table, panel.column, shades, colours, norm, x, alpha)
     _over_tiles(axis, panel, table, x)
     levels = np.unique(table[panel.column])
@@ -174,7 +172,8 @@ def _plane(cell: Cell, picture: Picture, _: str, shown: Sequence[Series]) -> Non
     axis.set(xlabel=f"{panel.x} part", aspect="equal", xlim=(-frame, frame), ylim=(-frame, frame))
     if cell.is_last:
         row = [one for one in axis.figure.axes if one.get_ylim() == axis.get_ylim() and one.get_aspect() == 1.0]
-        axis.figure.colorbar(ScalarMappable(norm, "viridis"), ax=row, pad=0.01).set_label(key_label(panel.by))
+        bar = axis.figure.colorbar(ScalarMappable(norm, "viridis"), ax=row, pad=0.01)
+        label_axis(bar.ax.yaxis, panel.by, picture.unit(panel.by))
 
 
 def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> None:
@@ -193,14 +192,9 @@ def _ranks(cell: Cell, picture: Picture, _: str, series: Sequence[Series]) -> No
     if cell.is_first:
         axis.set_ylabel("samples that are smaller (%)")
     if len(own) and np.ptp(values) > 0.0:
-        largest, factor = float(np.abs(values).max()), quantity_of(panel.column).factor
-        unit = unit_of(panel.column)
-        angles = is_angle(panel.column)
+        largest = float(np.abs(values).max())
         for quantile, number in zip(QUANTILES, quantiles.tolist(), strict=False):
-            value = float(in_units(number, panel.column)) if angles else number
-            text = value_text(panel.column, number, 3)
-            if not angles:
-                text = digits.quantity(value / factor, unit, size=largest / factor)
+            value, text = float(on_axis(panel.column, number)), shown_value(panel.column, number, largest)
             left = value > 0.5 * (values[0] + values[-1])
             axis.plot(value, quantile, "o", ms=5.0, mfc="white", mec=BLUE)
             axis.annotate(

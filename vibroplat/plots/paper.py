@@ -44,9 +44,9 @@ _MODEL_CURVES: Curves = [
 ]
 #: The paper's symbols.
 _SYMBOLS = {
-    "rms_y_m": r"$\widetilde{A}_y$ (mm)",
-    "rms_x_m": r"$\widetilde{A}_x$ (mm)",
-    "rms_phi_rad": r"$\widetilde{A}_\varphi$ (mrad)",
+    "rms_y_m": r"$\widetilde{A}_y$",
+    "rms_x_m": r"$\widetilde{A}_x$",
+    "rms_phi_rad": r"$\widetilde{A}_\varphi$",
     PHASE_COLUMN: PHASE,
 }
 
@@ -116,7 +116,7 @@ def _largest(column: str, curves: Sequence[tuple[pd.DataFrame, str, str]]) -> st
     if not best:
         return "Every point failed"
     largest = titles.several([float(row[column]) for row in best], unit_of(column))
-    return f"{display_name(column)} at most {largest} at {titles.place(EXCITATION, [row[EXCITATION] for row in best])}"
+    return f"Largest {display_name(column)} {largest} at {titles.place(EXCITATION, [row[EXCITATION] for row in best])}"
 
 
 def _fig2(result: Result) -> Picture:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,16 +17,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import AsinhLocator, MaxNLocator
 
-from vibroplat.columns import PHASE_COLUMN, quantity_of
+from vibroplat.columns import PHASE_COLUMN
 from vibroplat.measured.data import Measured, curve_of
-from vibroplat.plots.axes import begin_at_zero, in_decades, in_units, name_axis, widen_ticks
+from vibroplat.plots.axes import begin_at_zero, in_decades, label_axis, show_phases, widen_ticks, write_each
 from vibroplat.plots.layout import Cell, cells_of
-from vibroplat.plots.panels import DRAWERS, HATCH, colour_numbers, with_gap
-from vibroplat.plots.strips import PALE, draw_jumps, draw_strips, draw_words, entries_of
-from vibroplat.plots.style import CAPTION_COLOUR, entry, few, head, legend_below
-from vibroplat.results.labels import is_number, key_label, plain
+from vibroplat.plots.panels import DRAWERS, colour_numbers, with_gap
+from vibroplat.plots.strips import draw_jumps, draw_strips, draw_words
+from vibroplat.plots.style import CAPTION_COLOUR, head, legend_below
+from vibroplat.results.labels import is_number, plain
+from vibroplat.results.legend import BAND, FILLINGS, HALF, SHADE, Entry, legend_of, legend_of_strips
 from vibroplat.results.picture import (
-    BEHIND,
     BLACK,
     BROKEN,
     FAILED,
@@ -37,6 +37,7 @@ from vibroplat.results.picture import (
     Panel,
     Picture,
     Series,
+    on_axis,
 )
 
 if TYPE_CHECKING:
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
 
     from vibroplat.kernels.compiled import FloatArray
 
-#: Fillings of markers by the state of a point.
-_FILLINGS = ("full", "none", "bottom", "none")
 _CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": FAILED, "ms": 5.0, "mew": 1.4}
 #: Most entries of a legend in the place of a panel that is left empty, most dots that are drawn as such, and most wraps
 #: of a line of common width; of more, nothing but a drift is to be seen.
@@ -55,8 +54,6 @@ MOST_LARGE = 100
 #: An axis that has room for numbers near 0 is linear up to this distance from it, and logarithmic farther away;
 #: and about how many ticks have room there.
 NEAR_ZERO, MAX_TICKS = 1e-3, 6
-#: Opacity of shaded intervals, of bands, and of pale marks.
-_SHADE, _BAND, _HALF = 0.15, 0.25, 0.5
 
 
 # -- series ------------------------------------------------------------------------------------------------------------
@@ -74,7 +71,7 @@ class _Pen:
         self.states = np.append(states, np.zeros(len(x), dtype=int))[series.places]
         layer = 2.5 if not series.pale else 1.5 if series.mode == "markers" else 2.4
         self.look: dict[str, Any] = {"color": series.colour, "in_layout": False, "zorder": layer}
-        self.look |= {"alpha": _HALF} if series.pale else {}
+        self.look |= {"alpha": HALF} if series.pale else {}
 
     def line(self, y: FloatArray, *, wraps: bool) -> None:
         """Draw a line; a single point is a dot."""
@@ -91,7 +88,7 @@ class _Pen:
         for state in np.unique(self.states[self.series.places != BROKEN]):
             chosen = (self.states == state) & (self.series.places != BROKEN)
             if state != LOST:
-                filled = symbol | {"fillstyle": _FILLINGS[state], "markerfacecoloralt": "white"}
+                filled = symbol | {"fillstyle": FILLINGS[state], "markerfacecoloralt": "white"}
                 self.axis.add_line(Line2D(self.x[chosen], y[chosen], **filled, **self.look))
             elif np.isfinite(self.x[chosen]).any():
                 across, zero = self.axis.get_xaxis_transform(), np.zeros(int(chosen.sum()))
@@ -105,9 +102,9 @@ class _Pen:
     def band(self, low: FloatArray, high: FloatArray) -> None:
         """Draw what lies between two curves, and these as thin lines."""
         if not self.series.pale:
-            self.axis.fill_between(self.x, low, high, color=self.look["color"], lw=0.0, alpha=_BAND)
+            self.axis.fill_between(self.x, low, high, color=self.look["color"], lw=0.0, alpha=BAND)
             if np.isfinite(low).sum() == 1:  # which has no area
-                self.axis.vlines(self.x, low, high, self.look["color"], lw=4.0, alpha=_BAND)
+                self.axis.vlines(self.x, low, high, self.look["color"], lw=4.0, alpha=BAND)
         for edge in (low, high):
             self.axis.add_line(Line2D(self.x, edge, lw=0.7, ls=self.series.dash, **self.look))
 
@@ -147,17 +144,16 @@ def _draw(axis: Axes, series: Series, picture: Picture, column: str, x: FloatArr
 def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) -> Figure:
     """Draw a picture over the first of its axes, or another column, with measured data laid over it."""
     x, data = x or picture.axes[0], None if picture.name == "measured" else data  # which it has itself
-    computed, picture = picture.points, _in_units(picture, x)
-    figure, strip, cells = cells_of(picture, x)
-    if strip is not None:
-        draw_strips(strip, picture, x)
+    computed, picture = picture.points, _on_axes(picture, x)
+    figure, strips, cells = cells_of(picture, x)
+    for axis, facet in strips:
+        draw_strips(axis, picture, facet, x)
     for cell in cells:
         _panel(cell, picture, x, (data, computed) if data is not None else None)
     for cell in cells:  # that may share their axis, which so has all points
         if cell.panel.kind in ("points", "tiles") and not picture.log(x):
             widen_ticks(cell.axis, "x")
-    first = cells[0].axis if cells else strip
-    assert first is not None
+    first = cells[0].axis if cells else strips[0][0]
     if picture.log(x) and not {panel.kind for panel in picture.panels} & {"tiles", "bars", "ranks"}:
         in_decades(next((cell.axis for cell in cells if not cell.panel.x), first), "x")  # that all share
     if x == "start":
@@ -168,10 +164,13 @@ def draw_picture(picture: Picture, x: str = "", data: Measured | None = None) ->
         norm = Normalize(float(values.min()), float(values.max()))
         dark = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
         bar = figure.colorbar(ScalarMappable(norm, dark), ax=figure.axes, aspect=50, pad=0.01)
-        bar.set_label(key_label(picture.scale))
+        label_axis(bar.ax.yaxis, picture.scale, picture.unit(picture.scale))
     measured = [line for axis in figure.axes for line in axis.get_legend_handles_labels()[0]][:1]
-    entries = [*legend_of(picture), *(measured if data is not None else [])]
-    entries = [*{str(one.get_label()): one for one in entries}.values()]
+    named = [] if picture.strips is None else legend_of_strips(picture.strips)
+    entries = [
+        *map(handle_of, [*named, *legend_of(picture, colours=not picture.scale)]),
+        *(measured if data is not None else []),
+    ]
     empty = next((axis for axis in figure.axes if not axis.axison), None)
     if empty is not None and len(cells) > 1 and len(entries) <= MOST_WITHIN:
         empty.legend(handles=entries, loc="center", fontsize=8.0)
@@ -191,16 +190,15 @@ def draw_measured(axis: Axes, data: Measured, x: str, column: str) -> None:
         size, edge = (4.0, 1.0) if len(table) <= MOST_LARGE else (2.0, 0.5)
         look: dict[str, Any] = {"color": BLACK, "mfc": "white", "ms": size, "mew": edge, "zorder": 5.0, "ls": ""}
         label = ", ".join([f"measured: {plain(data.path.name)}", *data.differences()])
-        axis.plot(table[x], in_units(table[column], column), marker="D", label=label, **look)
+        axis.plot(table[x], on_axis(column, table[column]), marker="D", label=label, **look)
 
 
-def _in_units(picture: Picture, x: str) -> Picture:
-    """Return a picture whose drawn columns are in the units of their axes."""
+def _on_axes(picture: Picture, x: str) -> Picture:
+    """Return a picture whose drawn columns are as their axes have them."""
     points = picture.points
     names = {x, *(name for panel in picture.panels for name in (panel.column, panel.x, panel.by))}
-    known = {name: name for name in names if name in points and is_number(points[name])}
-    known |= {f"{name}{LOW}": name for name in known if f"{name}{LOW}" in points}
-    return replace(picture, drawn=points.assign(**{n: in_units(points[n], name) for n, name in known.items()}))
+    known = [name for name in names if name in points and is_number(points[name])]
+    return replace(picture, drawn=points.assign(**{name: on_axis(name, points[name]) for name in known}))
 
 
 def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFrame] | None) -> None:
@@ -218,7 +216,9 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
         draw_measured(axis, data[0], x, panel.column)
     if kind not in ("ranks", "bars") and (cell.is_first or not picture.facets):
         label = "" if panel.by and panel.kind != "plane" else panel.label
-        name_axis(axis, panel.column, label, picture.rotation)
+        label_axis(axis.yaxis, panel.column, picture.unit(panel.column), label)
+        if panel.column == PHASE_COLUMN:
+            show_phases(axis, picture.rotation)
     _references(axis, picture, panel, x)
     _limit(axis, panel)
     draw_words(axis, picture, panel.column, x)
@@ -227,7 +227,7 @@ def _panel(cell: Cell, picture: Picture, x: str, data: tuple[Measured, pd.DataFr
     if panel.by and panel.kind not in ("plane", "ranks") and not panel.classes and (cell.is_last or not picture.facets):
         _, colours, norm = colour_numbers(panel, picture.points)
         bar = axis.figure.colorbar(ScalarMappable(norm, colours), ax=axis, aspect=40)
-        bar.set_label(panel.label or quantity_of(panel.by).label)
+        label_axis(bar.ax.yaxis, panel.by, picture.unit(panel.by), panel.label)
     if panel.title:
         own = axis.get_title(loc="left")
         axis.set_title(f"{panel.title}, {own}" if own else panel.title, loc="left")
@@ -260,11 +260,11 @@ def _references(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
     over = panel.column if panel.kind == "ranks" else panel.x or x
     for line in picture.lines:
         draw: Any = axis.axvline if line.column == over else axis.axhline if line.column == panel.column else None
-        for value in in_units(list(line.at), line.column) if draw else ():
+        for value in on_axis(line.column, line.at) if draw else ():
             draw(value, color=line.colour, lw=0.9, ls=line.dash, zorder=1.5)
     for one in picture.ranges:
         if one.column == over:
-            axis.axvspan(one.low, one.high, color=REFERENCE, alpha=_SHADE, lw=0.0, zorder=0.5)
+            axis.axvspan(one.low, one.high, color=REFERENCE, alpha=SHADE, lw=0.0, zorder=0.5)
 
 
 def _limit(axis: Axes, panel: Panel) -> None:
@@ -273,10 +273,12 @@ def _limit(axis: Axes, panel: Panel) -> None:
         return
     if panel.scale == "log":
         in_decades(axis, "y")
+    elif panel.scale == "asinh":
+        write_each(axis.yaxis)
     elif panel.kind == "stack":
         axis.set_ylim(0.0, 1.0)
     elif panel.least is not None and not axis.dataLim.y1 < 0.0:
-        begin_at_zero(axis, max(axis.get_ylim()[1], float(in_units(panel.least, panel.column))))
+        begin_at_zero(axis, max(axis.get_ylim()[1], panel.least))
     elif panel.scale == "linear" and panel.column != PHASE_COLUMN:
         widen_ticks(axis, "y")
 
@@ -284,59 +286,17 @@ def _limit(axis: Axes, panel: Panel) -> None:
 # -- legends -----------------------------------------------------------------------------------------------------------
 
 
-def legend_of(picture: Picture) -> list[Any]:
-    """Return the entries of a legend: what colours, lines, fillings and marks mean, of those that the picture needs."""
-    series, entries = picture.series, [] if picture.strips is None else [*entries_of(picture.strips)]
-    if not picture.scale:
-        entries += few([_labelled(one) for one in {one.label: one for one in series if one.label}.values()])
-    for panel in picture.panels:
-        entries += _of_classes(picture, panel)
-    entries += [*_looks(picture)]
-    if picture.jumps:
-        entries.append(entry("jump", color=REFERENCE, lw=0.6, ls=":", marker="^", ms=3.0, mew=0.0))
-    for mark in picture.marks:
-        entries.append(entry(": ".join(filter(None, (mark.kind, mark.meaning))), **_marked(mark)))
-    entries += [
-        entry(line.label, color=line.colour, lw=0.9, ls=line.dash) for line in picture.lines if line.label and line.at
-    ]
-    entries += [entry(one.label, color=REFERENCE, alpha=_SHADE, lw=5.0) for one in picture.ranges]
-    return entries
-
-
-def _labelled(one: Series) -> Any:
-    """Return the legend entry of a colour."""
-    if one.mode in ("band", "shade"):
-        return Patch(color=one.colour, alpha=_BAND if one.mode == "band" else 1.0, lw=0.0, label=one.label)
-    if one.mode in ("markers", "dots"):
-        return entry(one.label, color=one.colour, marker=one.symbol, ls="", ms=4.0)
-    return entry(one.label, color=one.colour, lw=2.0, ls=one.dash if one.mode == "lines" and not one.look else "-")
-
-
-def _of_classes(picture: Picture, panel: Panel) -> Iterator[Any]:
-    """Yield entries of the colours, hatches and contours of a panel."""
-    rows = np.concatenate([one.places for one in picture.series if one.mode == "dots"] or [np.zeros(0, dtype=int)])
-    tiles, hatched = panel.kind == "tiles", dict[str, Any](facecolor="white", edgecolor="black", lw=0.3)
-    if tiles and (picture.states == LOST).any():
-        yield Patch(hatch=HATCH, label="failed", **hatched)
-    known = {*picture.points[panel.by].iloc[rows]} if panel.classes else ()
-    for name in (name for name in panel.classes if name in known):
-        yield Patch(facecolor=panel.classes[name][0], alpha=PALE if tiles else 1.0, label=panel.classes[name][1])
-    yield from (Patch(hatch=hatch, label=text, **hatched) for hatch, text in panel.hatches.items())
-    for dash, text in panel.contours.levels.values() if panel.contours else ():
-        yield entry(text, color=BLACK, lw=0.9, ls=dash)
-
-
-def _looks(picture: Picture) -> Iterator[Line2D]:
-    """Yield the legend entries of lines and symbols, and of classes of points."""
-    for name, one in {one.look: one for one in picture.series if one.look}.items():
-        colour = BEHIND if one.colour == BEHIND else REFERENCE
-        line = {"ls": one.dash if one.mode in ("lines", "both") else "", "lw": 0.9 * one.width, "color": colour}
-        marker = {} if one.mode == "lines" else {"marker": one.symbol, "ms": 4.5 * one.size}
-        yield entry(name, alpha=_HALF if one.pale else None, **line, **marker)
-    marked = [one.places[one.places != BROKEN] for one in picture.series if one.mode in ("both", "markers")]
-    rows, states = np.concatenate([*marked, np.zeros(0, dtype=int)]), picture.states
-    looks = np.unique(states[rows[rows < len(states)]])
-    for state in looks if looks.any() else ():
-        look = {"marker": "o", "ls": "", "color": BLACK, "ms": 6.0, "mew": 0.7, "markerfacecoloralt": "white"}
-        if meaning := picture.meanings[state]:
-            yield entry(meaning, **dict(_CROSS) if state == LOST else look | {"fillstyle": _FILLINGS[state]})
+def handle_of(entry: Entry) -> Any:
+    """Return how matplotlib draws an entry of a legend."""
+    if entry.kind == "area":
+        look: dict[str, Any] = {"edgecolor": BLACK, "lw": 0.3} if entry.hatch else {"lw": 0.0}
+        return Patch(facecolor=entry.colour, alpha=entry.opacity, hatch=entry.hatch or None, label=entry.label, **look)
+    line: dict[str, Any] = {
+        "fillstyle": entry.filling,
+        "ls": entry.dash if entry.kind == "line" else "",
+        "lw": entry.width,
+        "color": entry.colour,
+    }
+    width = 1.4 if entry.symbol == "x" else 0.7
+    look = {"marker": entry.symbol or None, "ms": entry.size, "mew": width, "markerfacecoloralt": "white"}
+    return Line2D([], [], label=entry.label, alpha=entry.opacity, **line, **look)

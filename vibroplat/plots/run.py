@@ -56,7 +56,7 @@ _COLOURS = {
     "force_x_n": picture.ORANGE,
 }
 #: The platform's coordinates; and the name of the axis of y where it is counted from the static rest.
-_MOVING, FROM_REST = ("y_m", "x_m", "phi_rad"), "$y$ from rest (mm)"
+_MOVING, FROM_REST = ("y_m", "x_m", "phi_rad"), "$y$ from rest"
 #: Columns whose largest value of the whole run is marked, and what the summary calls it.
 _PEAKS = {
     "force_y_n": "foundation_force_y_max_n",
@@ -65,7 +65,7 @@ _PEAKS = {
     "x_m": "stroke_x_m",
 }
 #: The panel of the exciters' speeds.
-_SPEEDS = Panel("speed_hz", label="speed (Hz)")
+_SPEEDS = Panel("speed_hz", label="speed")
 
 
 @dataclass
@@ -329,7 +329,7 @@ def _force(shown: RunPicture) -> picture.Picture:
             _contact(shown, run, "contact_force_n")
     struck = any("impulse_n_s" in part and len(part) for part in shown.parts)
     panels = [Panel("contact_force_n", least=0.0, height=1.3)]
-    panels += [Panel("impulse_n_s", least=0.0, label="impulse $P$ (N·s)", height=0.7)] if struck else []
+    panels += [Panel("impulse_n_s", least=0.0, label="impulse $P$", height=0.7)] if struck else []
     return shown.picture("force", panels, facets=int(shown.aligned and not shown.both))
 
 
@@ -425,7 +425,7 @@ def _accelerations(shown: RunPicture) -> picture.Picture:
             table = run.shown[["t_s"]].assign(**{column: run.shown[name]})
             shown.draw(table, label, colour=CURVES[number % len(CURVES)], of=(column,))
         largest = max(float(run.shown[name].abs().max()) for run, name, _ in lines)
-        title, label = f"up to {digits.quantity(largest, 'm/s²')}", f"acceleration along {column.split('_')[1]} (m/s²)"
+        title, label = f"up to {digits.quantity(largest, 'm/s²')}", f"acceleration along {column.split('_')[1]}"
         panels.append(Panel(column, title=title, label=label))
     return shown.picture("acceleration", panels, facets=0, high=True)
 
@@ -447,7 +447,7 @@ def _spectra(shown: RunPicture) -> picture.Picture:
         if not panels:
             last = min(NAMED, int(end / speed)) if turns and speed > 0.0 else 0
             shown.words += [picture.Word(f"{n}×", column, n * speed, top, REFERENCE) for n in range(1, last + 1)]
-        label = f"amplitude along {column.split('_')[1]} (m/s²)"
+        label = f"amplitude along {column.split('_')[1]}"
         panels.append(Panel(column, title=peaks_of(*spectra[0], speed), label=label, scale="log"))
     orders = picture.Line("frequency_hz", [n * speed for n in range(1, 2 * len(shown.words) + 1)], dash=":")
     over = f"Hann's window{f' over {turns} turns' if turns else ''}; n×: orders of exciter 1"

@@ -2,52 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.patches import Patch
 
-from vibroplat.plots.axes import in_units
-from vibroplat.plots.style import entry
-from vibroplat.results.picture import BLACK, Panel, Picture, Strips
+from vibroplat.results.legend import TILE
+from vibroplat.results.picture import BLACK, Facet, Panel, Picture, Strip, on_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Height of a strip, of one that is a bar without panels below, and of the space around them (inch).
 STRIP, BAR, AROUND = 0.17, 0.36, 0.4
-#: Opacity of strips, and the fraction of an axis that a letter takes.
-PALE, LETTER = 0.75, 0.011
+#: Fraction of an axis that a letter takes.
+LETTER = 0.011
 
 
 def height_of(picture: Picture) -> float:
     """Return the height of the strips of a picture (inch)."""
     if picture.strips is None:
         return 0.0
-    return AROUND + (STRIP if picture.panels else BAR) * max(len(picture.strips.rows), 2)
+    most = max((len(picture.strips.of(facet)) for facet in picture.facets), default=len(picture.strips.rows))
+    return AROUND + (STRIP if picture.panels else BAR) * max(most, 2)
 
 
-def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
-    """Draw strips, one below the other, with their names next to them; ``x`` is the column of the axis."""
+def draw_strips(axis: Axes, picture: Picture, facet: Facet, x: str) -> None:
+    """Draw the strips of a facet, one below the other, with their names next to them, over a column."""
     strips = picture.strips
     assert strips is not None
-    values, ends = picture.points[x], list[float]()
-    for number, strip in enumerate(strips.rows):
+    values, ends, rows = picture.points[x], list[float](), strips.of(facet)
+    for number, strip in enumerate(rows):
         spans = strip.spans(values)
         ends += [end for span in spans for end in (span.low, span.high)]
         for look in dict.fromkeys((span.kind, span.hatch) for span in spans):
             own = [(span.low, span.high - span.low) for span in spans if (span.kind, span.hatch) == look]
             colour = strips.classes[look[0]][0] if look[0] in strips.classes else "white"
-            axis.broken_barh(own, (-number - 0.36, 0.72), facecolor=colour, alpha=PALE, lw=0.0)
+            axis.broken_barh(own, (-number - 0.36, 0.72), facecolor=colour, alpha=TILE, lw=0.0)
             if look[1]:
                 axis.broken_barh(own, (-number - 0.36, 0.72), facecolor="none", hatch=look[1], edgecolor=BLACK, lw=0.0)
         for span in (span for span in spans if span.lined):
             axis.plot([span.low, span.high], [-number - 0.43] * 2, color=BLACK, lw=1.4, solid_capstyle="butt")
-    labels = [strip.label for strip in strips.rows]
+    labels = [strip.label for strip in rows]
     axis.set_yticks([-number for number in range(len(labels))], labels, fontsize=8.5)
-    for text, strip in zip(axis.get_yticklabels(), strips.rows, strict=True):
+    for text, strip in zip(axis.get_yticklabels(), rows, strict=False):
         text.set_color(strip.colour)
     if ends and min(ends) < max(ends):
         axis.set_xlim(min(ends), max(ends))
@@ -55,13 +54,13 @@ def draw_strips(axis: Axes, picture: Picture, x: str) -> None:
     axis.grid(visible=False)
     axis.tick_params(axis="y", length=0)
     axis.spines["left"].set_visible(False)
-    _tell(axis, strips, values)
+    _tell(axis, rows, values)
 
 
-def _tell(axis: Axes, strips: Strips, values: Any) -> None:
+def _tell(axis: Axes, rows: Sequence[Strip], values: Any) -> None:
     """Write the texts of intervals above them, as far as there is room."""
     low, high = axis.get_xlim()
-    for number, strip in enumerate(strips.rows):
+    for number, strip in enumerate(rows):
         free = -np.inf
         for span in (span for span in strip.spans(values) if span.text):
             middle = 0.5 * (span.low + span.high)
@@ -69,16 +68,6 @@ def _tell(axis: Axes, strips: Strips, values: Any) -> None:
             if middle - half > free:
                 axis.text(middle, -number, span.text, ha="center", va="center", fontsize=7.0)
                 free = middle + half
-
-
-def entries_of(strips: Strips) -> Iterator[Any]:
-    """Yield the legend entries of the colours, hatches and lines of strips."""
-    for colour, text in strips.classes.values():
-        yield Patch(facecolor=colour, alpha=PALE, label=text)
-    for hatch, text in strips.hatches.items():
-        yield Patch(facecolor="white", edgecolor=BLACK, hatch=hatch, lw=0.3, label=text)
-    if strips.line:
-        yield entry(strips.line, color=BLACK, lw=1.4)
 
 
 def draw_jumps(axis: Axes, picture: Picture, panel: Panel, x: str) -> None:
@@ -101,7 +90,7 @@ def draw_words(axis: Axes, picture: Picture, column: str, x: str) -> None:
     levels = np.unique(picture.points[column]) if any(panel.kind == "tiles" for panel in picture.panels) else None
     low, high = axis.get_xlim()
     for word in (word for word in picture.words if word.column == column and x == picture.axes[0]):
-        at, height = (float(in_units(value, name)) for value, name in ((word.x, x), (word.y, column)))
+        at, height = (float(on_axis(name, value)) for value, name in ((word.x, x), (word.y, column)))
         if levels is not None:
             height = float(np.interp(height, levels, np.arange(len(levels))))
         is_left = at < 0.5 * (low + high)

@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from textwrap import wrap
 from typing import Any, Literal
@@ -17,20 +16,14 @@ from typing import Any, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import AutoLocator, FuncFormatter, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import AutoLocator, MaxNLocator
 
-from vibroplat.config import digits
 from vibroplat.results.tables import replace_file, result_directory
 
 Form = Literal["png", "pdf", "svg"]
 
-#: Most curves that a legend names; hundreds would cover the figure, and setting them takes longer than drawing it.
-MOST_ENTRIES = 24
 #: Room for a tick of a horizontal and of a vertical axis (inch), and letters of a label of the latter that an inch has.
 TICK, TICK_ABOVE, LABEL = 0.65, 0.28, 13.5
-#: Largest numbers of axes between which their ticks have no power of ten.
-PLAIN = (1e-3, 1e5)
 #: Lines of a legend that a figure has room for, and the height of another one (inch).
 LINES, LINE = 3, 0.2
 #: Characters per inch of a legend, of a title and of the text below the title; colour of this text.
@@ -114,30 +107,20 @@ def new_figure(
     size: tuple[float, float],
     above: float = 0.0,
     *,
-    sharex: bool | str = False,
-    sharey: bool | str = False,
-    widths: Sequence[float] | None = None,
     heights: Sequence[float] | None = None,
-) -> tuple[Figure, Any, Any]:
-    """Return a figure of a size (inch), its axes in rows and columns, and a strip of a height above them, or None.
+    widths: Sequence[float] | None = None,
+    **shared: Any,
+) -> tuple[Figure, Any, list[Any]]:
+    """Return a figure of a size (inch), its axes in rows and columns, and those of a height above each column, if any.
 
-    Axes share the horizontal axis with all others or their column (``col``), and the vertical one with their row.
+    ``shared`` says which axes share their values, as matplotlib's ``Figure.subplots`` takes it.
     """
     figure = _Figure(figsize=(size[0], size[1] + above))
     each = size[1] / max(rows, 1)
     parts = [*([above] if above else []), *(each * height for height in heights or [1.0] * rows)]
-    grid = figure.add_gridspec(rows + bool(above), columns, height_ratios=parts, width_ratios=widths)
-    strip = figure.add_subplot(grid[0, :]) if above else None
-    axes: Any = np.empty((rows, columns), dtype=object)
-    for row, column in np.ndindex(rows, columns):
-        first = axes[0, column if sharex == "col" else 0]
-        along = (first or strip) if sharex else None
-        beside = axes[row, 0] if sharey and column else None
-        axes[row, column] = figure.add_subplot(grid[row + bool(above), column], sharex=along, sharey=beside)
-        axes[row, column].tick_params(labelbottom=not sharex or row == rows - 1, labelleft=beside is None)
-    if strip is not None and rows:
-        strip.tick_params(labelbottom=False)
-    return figure, axes, strip
+    look: dict[str, Any] = {"height_ratios": parts, "width_ratios": widths, "squeeze": False}
+    axes: Any = figure.subplots(len(parts), columns, **look, **shared)
+    return (figure, axes[1:], list(axes[0])) if above else (figure, axes, [])
 
 
 def head(figure: Figure, title: str, caption: str = "") -> None:
@@ -159,29 +142,13 @@ def head(figure: Figure, title: str, caption: str = "") -> None:
 
 
 def _set_ticks(figure: Figure) -> None:
-    """Give linear axes as many ticks as there is room for, and units in which 1 … 999 stand before the point."""
+    """Give linear axes as many ticks as there is room for."""
     for axis in figure.axes:
         box = axis.get_position()
         across, up = box.width * figure.get_figwidth() / TICK, box.height * figure.get_figheight() / TICK_ABOVE
         for along, room in ((axis.xaxis, across), (axis.yaxis, up)):
             if isinstance(along.get_major_locator(), AutoLocator):
                 along.set_major_locator(MaxNLocator(int(np.clip(room, 2, 9)), steps=[1, 2, 5, 10]))
-            writes = along.get_major_formatter()  # axes that share their values share it
-            shared = isinstance(writes, FuncFormatter) and getattr(writes.func, "func", None) is _over
-            if along.get_scale() != "linear" or not (shared or isinstance(writes, ScalarFormatter)):
-                continue
-            unit = re.search(r"\(([^()]*)\)$", along.get_label_text())
-            size, factor = float(np.abs(along.get_view_interval()).max()), 1.0
-            if unit and unit[1] in digits.PREFIXES and unit[1] not in ("m", "rad"):
-                factor, name = digits.prefixed(size, unit[1])
-                along.set_label_text(along.get_label_text().replace(unit[0], f"({name})"))
-            if factor != 1.0 or not PLAIN[0] <= size < PLAIN[1]:  # else a power of ten would stand in the titles
-                along.set_major_formatter(FuncFormatter(partial(_over, factor)))
-
-
-def _over(factor: float, value: float, _: int | None = None) -> str:
-    """Write a tick in a unit with a prefix."""
-    return f"{value / factor:.6g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _wrapped(text: str, letters: float, least: int = 20) -> str:
@@ -192,19 +159,6 @@ def _wrapped(text: str, letters: float, least: int = 20) -> str:
     lines = wrap(short, max(int(letters), least), break_on_hyphens=False)
     broken = "\n".join(lines).replace("\N{NO-BREAK SPACE}", " ")
     return re.sub("\x00", lambda _: next(formulas), broken)
-
-
-def entry(label: str, **look: Any) -> Line2D:
-    """Return an entry of a legend with the look of a line or of its markers."""
-    return Line2D([], [], label=label, **look)
-
-
-def few(entries: Sequence[Line2D]) -> list[Line2D]:
-    """Return at most as many entries of a legend as fit below a figure; the last says how many were left out."""
-    if len(entries) <= MOST_ENTRIES:
-        return list(entries)
-    places = np.linspace(0, len(entries) - 1, MOST_ENTRIES).round().astype(int)
-    return [entries[i] for i in places] + [entry(f"and {len(entries) - MOST_ENTRIES} more between them", ls="")]
 
 
 def legend_below(figure: Figure, handles: Iterable[Any]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import PHASE, display_name, indexed_name, list_place, unit_of
+from vibroplat.columns import AXIS_NAMES, PHASE, PHASE_COLUMN, indexed_name, unit_of
 from vibroplat.config.drive import Drive, Entry
 from vibroplat.config.kinds import unused_sections
 from vibroplat.config.plans import FREQUENCY
@@ -20,12 +20,10 @@ from vibroplat.frames import pd
 SUPPLY, EXCITATION = "supply_frequency_hz", "excitation_frequency_hz"
 #: What curves of a sweep are drawn over, by the names of option ``--x``.
 ABSCISSAE = {"excitation": EXCITATION, "supply": SUPPLY}
-_FREQUENCIES = {
-    EXCITATION: "excitation frequency $f$ (Hz)",
-    **dict.fromkeys((SUPPLY, FREQUENCY), "supply frequency $f_e$ (Hz)"),
-}
 #: Names and symbols of keys; others have no symbol and are called by the words of their last part.
 _KEYS = {
+    EXCITATION: ("excitation frequency", "$f$"),
+    **dict.fromkeys((SUPPLY, FREQUENCY), ("supply frequency", "$f_e$")),
     "material.mass_ratio": ("mass ratio", r"$\mu_w$"),
     "material.mass_kg": ("mass of the material", "$m_w$"),
     "material.natural_frequency_hz": ("natural frequency of the layers", "$f_w$"),
@@ -94,9 +92,9 @@ def in_ratios(values: Any) -> bool:
 
 
 def halfway(values: Any) -> Any:
-    """Return the edges of tiles around ascending values: half way, of values in equal ratios by their logarithms.
+    """Return the edges of tiles around ascending values: midway (geometric midpoints if they are in equal ratios).
 
-    Where no value is below 0, no edge is.
+    Edges are clipped at 0 unless a value is negative.
     """
     if not len(values):
         return np.asarray(values, dtype=float)
@@ -112,27 +110,21 @@ def key_name(key: str) -> str:
     return plain(_KEYS.get(key, (indexed_name(key), ""))[0])
 
 
-def key_label(key: str) -> str:
-    """Return what a key, or the column of a frequency, is called on an axis."""
-    if key in _FREQUENCIES:
-        return _FREQUENCIES[key]
-    symbol, unit = _KEYS.get(key, ("", ""))[1], unit_of(key)
-    return " ".join(part for part in (key_name(key), symbol, f"({unit})" if unit else "") if part)
+def symbol_of(key: str) -> str:
+    """Return the symbol of a key or of a frequency, if it has one."""
+    return _KEYS.get(key, ("", ""))[1]
 
 
-def value_label(key: str, value: Any) -> str:
-    """Return a value of a key in a legend, with its symbol and unit."""
-    if not is_number(value):
-        return plain(value if isinstance(value, str) else f"{display_name(key)}: {value}")
-    symbol = _KEYS.get(key, ("", ""))[1]
-    return f"{symbol or plain(display_name(key))}{' = ' if symbol else ' '}{value:g} {unit_of(key)}".strip()
+def axis_label(column: str, unit: str, name: str = "") -> str:
+    """Return what a key or a column is called on an axis, by its usual name and symbol or another one, and its unit."""
+    name = name or AXIS_NAMES.get(column) or f"{key_name(column)} {symbol_of(column)}".strip()
+    return f"{name} ({unit})" if unit and column != PHASE_COLUMN else name
 
 
 def value_words(key: str, value: Any) -> str:
-    """Return a value as plain text, with the words of its key and its unit; of a supply, its largest frequency."""
+    """Return a value as plain text, with the words of its key and its unit."""
     if key == DRIVE:
-        drive = Drive.model_validate(value)
-        return f"supply {'' if drive.program is None else 'program up to '}{drive.largest_frequency:g} Hz"
+        return supply_label(Drive.model_validate(value)).replace("$f_e$ =", "supply")
     number = f"{value:g}" if is_number(value) else str(value)
     return " ".join(part for part in (indexed_name(key), number, unit_of(key)) if part)
 
@@ -147,14 +139,14 @@ def phase_label(co_rotating: bool) -> str:
 
 def run_parameters(scene: Scene | None, begin: float = 0.0) -> str:
     """Return the parameters of a run from a time on (s) that a reader of its figures wants to know."""
-    return "" if scene is None else ", ".join([supply_label(scene, begin), *_material(scene)])
+    return "" if scene is None else ", ".join([supply_label(scene.drive, begin), *_material(scene)])
 
 
 def sweep_parameters(scene: Scene | None, varied: Sequence[str]) -> str:
     """Return the parameters of a sweep that do not vary in it."""
     if scene is None:
         return ""
-    supply = [] if {SUPPLY, FREQUENCY} & {*varied} else [supply_label(scene)]
+    supply = [] if {SUPPLY, FREQUENCY} & {*varied} else [supply_label(scene.drive)]
     return ", ".join([*supply, *_material(scene, varied)])
 
 
@@ -169,18 +161,18 @@ def caption_of(names: Sequence[str], scene: Scene | None, varied: Sequence[str],
     return "\n".join(filter(None, (named(names, sweep_parameters(scene, varied)), *lines)))
 
 
-def supply_label(scene: Scene, begin: float = 0.0) -> str:
+def supply_label(drive: Drive, begin: float = 0.0) -> str:
     """Return the supply frequency, or a program's frequencies and switches; what it switches until a time has none."""
-    program = scene.drive.program
+    program = drive.program
     if program is None:
-        return f"$f_e$ = {scene.drive.largest_frequency:g} Hz"
+        return f"$f_e$ = {drive.largest_frequency:g} Hz"
     frequencies = [e.supply_frequency_hz for e in program if e.supply_frequency_hz is not None]
     passed = frequencies[:1] if len(set(frequencies)) == 1 else frequencies
     text = f"$f_e$ = {' → '.join(f'{f:g}' for f in passed[:4])}{' …' if len(passed) > 4 else ''} Hz"
     switched = [
         f"{who} at {entry.t_s:g} s" if entry.t_s > begin else who for entry in program for who in _switched(entry)
     ]
-    driven = any(any(one.driven) for one in scene.drive.intervals if one.end > begin)
+    driven = any(any(one.driven) for one in drive.intervals if one.end > begin)
     return ", ".join([*([text] if driven else []), *switched[:2], *(["…"] if len(switched) > 2 else [])])
 
 
@@ -264,18 +256,17 @@ def compared(
 
 def legend_names(names: Sequence[str], differences: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return for each of several results its name, and how it differs from the others."""
-    parts = [", ".join(shortened([_difference(key, value) for key, value in one.items()])) for one in differences]
-    return [f"{plain(name)} ({how})" if how else plain(name) for name, how in zip(names, parts, strict=True)]
+    return [
+        plain(f"{name} ({values_text(values)})" if values else name)
+        for name, values in zip(names, differences, strict=True)
+    ]
+
+
+def values_text(values: Mapping[str, Any]) -> str:
+    """Return the values of some keys in words, the first few of many."""
+    return ", ".join(shortened([value_words(key, value) for key, value in values.items()]))
 
 
 def shortened(parts: Sequence[str]) -> list[str]:
     """Return the first parts of a legend, and how many more there are."""
     return [*parts] if len(parts) <= MOST else [*parts[: MOST - 1], f"{len(parts) - MOST + 1} more"]
-
-
-def _difference(key: str, value: Any) -> str:
-    """Return a value in which a result differs, with the number of its exciter or motor."""
-    if key == DRIVE:
-        return supply_label(Scene.model_validate({DRIVE: value}))
-    section, label = list_place(key), value_label(key, value)
-    return f"{key.split('.', maxsplit=1)[0].removesuffix('s')} {section}: {label}" if section else label

@@ -1,11 +1,12 @@
 """A picture as data: what a study's tables show, drawn in print by one function and on the page by another.
 
-A picture has points, the rows of a table and behind them those of a second table of special points. Whatever it shows
-tells its points by their places in this order. Names of numbers and units follow from the names of their columns.
+A picture has points, the rows of a table and behind them those of a second table of special points. Series, marks
+and strips refer to points by index into this sequence. Names of numbers and units follow from names of columns.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,6 +14,9 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from vibroplat.columns import PHASE_COLUMN, name_sync
+from vibroplat.config.coordinates import TURN
+from vibroplat.config.digits import shown_unit
 from vibroplat.frames import pd
 from vibroplat.results.labels import halfway, in_ratios, is_number
 
@@ -34,23 +38,18 @@ MODES = {
 _SCALE = ("#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725")
 #: Fraction of the scale that curves use: its palest end is too pale for lines on white.
 _DARK = 0.9
+#: Where axes of phase differences begin, so that 0 and π, near which exciters synchronize, are well inside.
+LOWEST_PHASE = -0.5 * math.pi
 #: What is known of a point in :attr:`Picture.states`; how markers show it.
 FULL, OPEN, HALF, LOST = range(4)
 #: What states of points of motions mean.
-MOTIONS = ("periodic", "not periodic", "undecided", "failed")
+MOTIONS = ("periodic", "non-periodic", "undecided", "failed")
 #: The place at which a line is broken, and the end of the columns that have the lower ends of bands.
 BROKEN, LOW = -1, ":min"
 #: Distance of two points relative to that of their neighbours from which strips do not go from one to the other.
 MAX_GAP_RATIO = 4.0
-#: What exciters do that are not synchronous.
-NOT_SYNCHRONOUS = "not synchronous"
 
 Places = np.ndarray[Any, np.dtype[np.int_]]
-
-
-def sync_words(sync: str) -> str:
-    """Return what a kind of synchronization is called."""
-    return NOT_SYNCHRONOUS if sync == "none" else sync
 
 
 # -- what is drawn -----------------------------------------------------------------------------------------------------
@@ -269,9 +268,13 @@ class Strips:
     line: str = ""
     label: str = ""
 
+    def of(self, facet: Facet | None) -> Sequence[Strip]:
+        """Return the strips of a facet, or all of them."""
+        return [self.rows[number] for number in facet.strips] if facet and facet.strips else self.rows
+
 
 class Facet(NamedTuple):
-    """Panels of some series alone, by their numbers.
+    """Panels of some series alone, by their numbers, and strips, all of them if there are no numbers.
 
     With a ``width``, over that of others, they have a horizontal axis of their own.
     """
@@ -279,6 +282,7 @@ class Facet(NamedTuple):
     label: str
     series: Sequence[int]
     width: float = 0.0
+    strips: Sequence[int] = ()
 
 
 class Line(NamedTuple):
@@ -395,6 +399,15 @@ class Picture:
             return finite(self.drawn if len(self.drawn) >= count else self.drawn.reindex(range(count)))
         return finite(self.table if self.special is None else pd.concat([self.table, self.special], ignore_index=True))
 
+    @cached_property
+    def _sizes(self) -> Mapping[Any, float]:
+        """The largest sizes of numbers."""
+        return self.points.select_dtypes("number").abs().max().fillna(0.0).to_dict()
+
+    def unit(self, column: str) -> tuple[str, float]:
+        """Return the unit in which a column is shown, in print and on the page, and the factor from SI units to it."""
+        return shown_unit(column, self._sizes.get(column, 0.0))
+
     def log(self, column: str) -> bool:
         """Whether a horizontal axis is logarithmic."""
         return column in self.points and is_number(self.points[column]) and in_ratios(self.points[column])
@@ -429,7 +442,8 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
     given = list(dict.fromkeys(attractors))
     names = sorted(given, key=lambda name: (", period" not in name, name))
     firsts = {name.partition(",")[0]: name for name in reversed(names)}
-    colours = {name: SYNC[sync] for sync, name in firsts.items() if sync in SYNC}
+    known = {name_sync(sync): colour for sync, colour in SYNC.items()}
+    colours = {name: known[sync] for sync, name in firsts.items() if sync in known}
     left = sorted((c for c in CURVES if c not in colours.values()), key=lambda colour: colour in SYNC.values())
     others = [name for name in names if name not in colours]
     colours |= {name: left[number % len(left)] for number, name in enumerate(others)}
@@ -437,6 +451,12 @@ def attractor_colours(attractors: Iterable[str]) -> dict[str, str]:
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
+
+
+def on_axis(column: str, values: Any) -> Any:
+    """Return values of a column as an axis has them: in SI units, phase differences from −π/2 to 3π/2."""
+    numbers = np.asarray(values, dtype=float)
+    return np.mod(numbers - LOWEST_PHASE, TURN) + LOWEST_PHASE if column == PHASE_COLUMN else numbers
 
 
 def finite(table: pd.DataFrame) -> pd.DataFrame:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from vibroplat.columns import describe_sync
+from vibroplat.columns import NOT_SYNCHRONIZED, describe_sync
 from vibroplat.config.circular import degrees_text
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import percent, quantity
@@ -77,7 +77,7 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
     below = f", {'up to ' * bool(speeds)}{percent(slip)} below synchronous speed" * bool(slip)
     if named == "none" and speeds and not are_alike(speeds):
         mean = " in the mean" * bool(off[1:])
-        return f"{runs}, not synchronized: exciters at {of_both(speeds, 'Hz')}{mean}{below}"
+        return f"{runs}, {NOT_SYNCHRONIZED}: exciters at {of_both(speeds, 'Hz')}{mean}{below}"
     phase = f"phase difference {phase_text(summary)}"
     words = phase if named == "intermediate" else sync_text(scene, summary)
     if off[1:]:
@@ -161,14 +161,14 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
     if not summary["excitation_frequency_hz"]:
         return "the exciters do not turn"
     name = synchronization(summary)
-    words = describe_sync(name, scene.rotation) if name != "none" else "not synchronized"
+    words = describe_sync(name, scene.rotation)
     return words if scene.has_mirrored_exciters else words.replace(": ", ": mainly ")
 
 
 def _period(summary: Mapping[str, Any]) -> str:
     turns, change = summary.get("period"), summary.get("stroke_change") or 0.0
     if change > SETTLED:
-        return f"; {percent(change)} of the stroke may decay"
+        return f"; not settled: the stroke may still fall by {percent(change)}"
     if turns == 0:
         return f"; {repetition_text(summary) or 'does not repeat yet'}"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from vibroplat.columns import display_name, split, unit_of
+from vibroplat.columns import display_name, name_sync, split, unit_of
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.config.scene import Scene
@@ -108,8 +108,8 @@ class Sheet:
             "Amplitude and stroke": self._strokes(),
             "Conveying": self._conveying() if scene.transport is not None else [],
             "Force into the foundation": self._loads(),
-            "Motors, each or 1 / 2": self._motors(),
-            "Bearings, each or 1 / 2": self._bearings(),
+            "Motors (each, or 1 / 2)": self._motors(),
+            "Bearings (each, or 1 / 2)": self._bearings(),
             "Synchronization": self._synchronization(),
             POINTS: [*map(self._point, scene.output.points), *map(self._spring, scene.output.springs)],
             "Material": self._material() if scene.has_contact else [],
@@ -139,8 +139,8 @@ class Sheet:
         yield from (row.short for row in rows)
         if of_seeds:
             count, captured = of_seeds["seeds"], of_seeds.get("captured")
-            ends = f"at least {captured} are captured" if captured else "times are of the first"
-            text = f"one more run is larger in {percent(1.0 / (count + 1))} of cases; {ends}"
+            ends = f"at least {captured} are captured" if captured else "times refer to run 1"
+            text = f"run {count + 1} is larger with probability {percent(1.0 / (count + 1))}; {ends}"
             yield "largest values", f"of {counted(count, 'run')}", text if count > 1 else "run.perturbation is 0"
 
     def facts(self) -> Iterator[str]:
@@ -383,7 +383,7 @@ class Sheet:
             seconds, after, switch = switched.partition(AFTER)
             started = ("in step again", seconds, f"{after.strip()} {switch}")
         return [
-            Row("phase difference", phase_text(s) or "drifts", "not synchronized" if name == "none" else name),
+            Row("phase difference", phase_text(s) or "drifts", name_sync(name)),
             pace,
             in_step if s["captured_by"] or not passed else in_step._replace(short=started),
             Row("stroke steady", steady, "within 1 %" * bool(steady)),

@@ -61,12 +61,19 @@ def range_text(key: str, values: pd.Series) -> str:
 
 def motions_text(table: pd.DataFrame) -> str:
     """Count the motions that are not periodic, and those that repeat after several turns."""
-    several = ("of period " + table["period"].astype(str)).where(table["period"].gt(1).fillna(False), "")
+    several = ("of period " + table["period"].astype("Int64").astype(str)).where(
+        table["period"].gt(1).fillna(False), ""
+    )
     names = table["motion"].where(table["motion"] != "periodic", several)
     odd = names[names != ""].value_counts()
     texts = [f"{count} {name}" for name, count in odd.head(MAX_ROWS).items()]
     others = ["the others repeat every turn"] if odd.sum() < len(table) else []
     return ", ".join([*texts, *others]) if texts else "all repeat every turn"
+
+
+def main_rms(points: pd.DataFrame) -> str:
+    """Return the column of the direction in which the platform vibrates most."""
+    return RMS if "rms_x_m" not in points or points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
 
 
 def _counts(points: pd.DataFrame) -> str:
@@ -85,19 +92,19 @@ def _combinations(table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 
 def _rows(points: pd.DataFrame, bands: Sequence[Mapping[Any, Any]], key: str) -> Iterator[str]:
-    """Yield a table: for each combination of the grid's values its jumps, lift-off and largest amplitude."""
+    """Yield a table: for each combination of the grid's values its jumps, liftoff and largest amplitude."""
     groups, values = list(_combinations(points)), points[key]
     branches = [{*rows["branch"]} for _, rows in groups]
     parts = [[band for band in bands if band["branch"] in own] for own in branches]
     jumps = [_changes(own, key) for own in parts]
     kinds = list(dict.fromkeys(name for one in jumps for name in one))
     both_ways = len(points["direction"].unique()) > 1
-    height = RMS if points[RMS].max() >= points["rms_x_m"].max() else "rms_x_m"
+    height = main_rms(points)
     columns = {f"at {axis_label(key)}": [name for name, _ in groups]}
     for kind in kinds[:MAX_JUMPS]:
         columns[kind] = [_cell(changes.get(kind, {}), values, both_ways=both_ways) for changes in jumps]
     if points["flight_fraction"].gt(0.0).any() or _has_material(points):
-        columns["lifts off"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
+        columns["liftoff"] = [_liftoff(rows, own, key) for (_, rows), own in zip(groups, parts, strict=True)]
     columns[f"largest {display_name(height)}"] = [_largest(rows, height, key) for _, rows in groups]
     if CONVEYING_SPEED in points and points[CONVEYING_SPEED].notna().any():
         speed = [rows[CONVEYING_SPEED] for _, rows in groups]
@@ -248,6 +255,5 @@ def _legend(good: pd.DataFrame) -> Iterator[str]:
         yield f"always intermediate: phase difference {ranges}"
         return
     named = [describe_sync(sync, rotation) for rotation, sync, _ in known if sync != "intermediate"]
-    texts = [f"{name}: not synchronized" if name == "none" else name for name in named]
-    if texts:
-        yield f"{'always ' if len(texts) == 1 else ''}{'; '.join(texts)}"
+    if named:
+        yield f"{'always ' if len(named) == 1 else ''}{'; '.join(named)}"

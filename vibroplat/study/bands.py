@@ -196,7 +196,7 @@ def _band(rows: Rows, key: str, first: int, last: int, kind: str, name: str) -> 
 
 #: Branches whose bands are printed; the table holds those of all.
 MAX_PRINTED = 6
-_LABELS = {"jump": "jump", "liftoff": "lift-off", "flight-end": "end of flight", "largest": "largest RMS y"}
+_LABELS = {"band": "", "failed": "", "flight-end": "end of flight", "largest": "largest RMS y"}
 
 
 def band_lines(table: pd.DataFrame) -> Iterator[str]:
@@ -216,7 +216,7 @@ def _cells(row: pd.Series, key: str) -> list[str]:
     """Return what a band is, where it begins and ends, and the motion there."""
     across = " → " if row["kind"] in ("jump", "liftoff", "flight-end") else " … "
     over, frequency, height = ((row[f"from_{name}"], row[f"to_{name}"]) for name in (key, EXCITATION, RMS))
-    name = " ".join(filter(None, (_LABELS.get(row["kind"], ""), row["name"])))
+    name = " ".join(filter(None, (_LABELS.get(row["kind"], row["kind"]), row["name"])))
     cells = [f"  {name}", f"{axis_name(key)} {across.join(dict.fromkeys(map(given, over)))} {unit_of(key)}".rstrip()]
     if not np.isfinite(frequency).all():
         return [*cells, "", ""]

@@ -15,10 +15,8 @@ from vibroplat.results import picture
 from vibroplat.results.labels import key_name
 from vibroplat.study.bands import find_jumps
 from vibroplat.study.branches import EXCITATION, SUPPLY
-from vibroplat.study.sweeps import Sweeps, key_of
+from vibroplat.study.sweeps import MAX_COLOURS, Sweeps, key_of
 
-#: Most values of a key that have colours of their own; more of them follow a colour scale.
-MAX_COLOURS = 5
 #: Height of a jump that has an arrow, relative to the range of its panel.
 MIN_ARROW_HEIGHT = 0.05
 #: Most strips of a picture.
@@ -29,11 +27,11 @@ PERIODS = {
     "n": ("#f3c14b", "period of several turns"),
     "quasi-periodic": (picture.PURPLE, "quasi-periodic"),
     "chaotic": ("#5c2a4d", "chaotic"),
-    "undecided": ("#9a9a9a", "not periodic"),
+    "undecided": ("#9a9a9a", "non-periodic or undecided"),
 }
 #: Hatches of motions that do not repeat each turn, and what they mean.
 APERIODIC, SEVERAL = "/////", "...."
-HATCHES = {APERIODIC: "not periodic", SEVERAL: "period of several turns"}
+HATCHES = {APERIODIC: "non-periodic", SEVERAL: "period of several turns"}
 #: Signs of ways.
 WAYS = {"up": "↑", "down": "↓"}
 
@@ -114,8 +112,7 @@ def _jumps_of(one: _Branch, first: _Branch, columns: Sequence[str], table: pd.Da
 
 def sync_classes(rotation: str) -> dict[str, tuple[str, str]]:
     """Return colours of synchronizations and what a machine does in each."""
-    classes = {name: (colour, describe_sync(name, rotation)) for name, colour in picture.SYNC.items()}
-    return classes | {"none": (picture.SYNC["none"], picture.NOT_SYNCHRONOUS)}
+    return {name: (colour, describe_sync(name, rotation)) for name, colour in picture.SYNC.items()}
 
 
 def hatches_of(rows: pd.DataFrame) -> list[str]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.columns import quantity_of
 from vibroplat.config.digits import percent
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.errors import TableError
@@ -15,13 +14,12 @@ from vibroplat.frames import pd
 from vibroplat.hybrid.state import static_rest
 from vibroplat.inspection.material import ERROR, range_of_row
 from vibroplat.results import content, picture
-from vibroplat.results.labels import ABSCISSAE, SPECIAL_POINTS, key_name
+from vibroplat.results.labels import ABSCISSAE, SPECIAL_POINTS, axis_label, key_name
 from vibroplat.results.result import Result
 from vibroplat.study import titles
 from vibroplat.study.branches import EXCITATION, SUPPLY
 from vibroplat.study.curves import (
     HATCHES,
-    MAX_COLOURS,
     PERIODS,
     curves_of,
     fill_failed,
@@ -30,7 +28,7 @@ from vibroplat.study.curves import (
     strips_of,
     sync_classes,
 )
-from vibroplat.study.sweeps import Sweeps, read
+from vibroplat.study.sweeps import MAX_COLOURS, Sweeps, read
 
 OPTIONS = ("x", "data", "measure")
 #: Colours of the directions of a bifurcation diagram.
@@ -90,11 +88,7 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     drawn = table.astype({sweeps.x: float})
     for rows in sweeps.branches:
         drawn.loc[rows.index, sweeps.x] = fill_failed(rows, sweeps.x)
-    names = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
-    scale = sweeps.scale if len(names) > MAX_COLOURS else ""
-    shown = table.groupby([*sweeps.varied], sort=False)[scale].first() if scale else ()
-    shades = picture.shades(list(map(float, shown))) if scale else picture.palette(len(names))
-    colours = dict(zip(names, shades, strict=True))
+    colours, scale = sweeps.colours, sweeps.shown_scale
     strips = strips_of(sweeps, colours)
     panels, left = content.measures(
         table, asked=columns, kept=sweeps.kept, stripped=strips is not None or table["sync"].nunique() == 1
@@ -170,20 +164,20 @@ def bifurcation(sweeps: Sweeps, _: Sequence[str] = ()) -> picture.Picture:
     rest = _rests(sweeps, section)
     table = pd.concat([section.assign(y_m=section["y_m"] - rest), impacts], ignore_index=True)
     name = "y from rest" if sweeps.results[0].known_scene else "y"
-    panels = [picture.Panel("y_m", label=f"${name[0]}${name[1:]} at whole\nturns of exciter 1 (mm)")]
+    panels = [picture.Panel("y_m", label=f"${name[0]}${name[1:]} at whole\nturns of exciter 1")]
     panels += [picture.Panel("impact_speed_m_per_s", least=0.0)] if len(impacts) else []
     labels = list(dict.fromkeys(sweeps.label(rows.iloc[0]) for rows in sweeps.branches))
     series, facets = list[picture.Series](), list[picture.Facet]()
     for label in labels:
-        own = [rows for rows in sweeps.branches if sweeps.label(rows.iloc[0]) == label]
-        made = [*_dots(sweeps, table, own)]
-        facets.append(picture.Facet(label, range(len(series), len(series) + len(made))))
+        numbers = [n for n, rows in enumerate(sweeps.branches) if sweeps.label(rows.iloc[0]) == label]
+        made = [*_dots(sweeps, table, [sweeps.branches[n] for n in numbers])]
+        facets.append(picture.Facet(label, range(len(series), len(series) + len(made)), strips=numbers))
         series += made
-    drawn, strips = _with_periods(sweeps, table, labels)
+    drawn, strips = _with_periods(sweeps, table)
     return picture.Picture(
         name="bifurcation",
         heading="Bifurcation diagram",
-        title=titles.sentence(titles.motions(sweeps.table)) or "Every point failed",
+        title=titles.motions(sweeps.table),
         table=table,
         table_name="section and impacts",
         drawn=drawn,
@@ -212,18 +206,15 @@ def _dots(sweeps: Sweeps, table: pd.DataFrame, own: Sequence[pd.DataFrame]) -> I
             )
 
 
-def _with_periods(
-    sweeps: Sweeps, table: pd.DataFrame, labels: Sequence[str]
-) -> tuple[pd.DataFrame, picture.Strips | None]:
+def _with_periods(sweeps: Sweeps, table: pd.DataFrame) -> tuple[pd.DataFrame, picture.Strips | None]:
     """Return the drawn points with those of the sweep behind them, and strips of the periods along each branch."""
     begin, whole = len(table), sweeps.table.reset_index(drop=True)
     strips = []
     for rows in sweeps.branches:
         kinds, period = period_kinds(rows), rows["period"].to_numpy(dtype=float, na_value=np.nan)
         texts = [f"{period[n]:g}" if kind == "n" else "" for n, kind in enumerate(kinds)]
-        first = rows.iloc[0]
-        name = " ".join(filter(None, (sweeps.label(first) if len(labels) > 1 else "", str(first["direction"]))))
-        colour = _COLOURS.get(str(first["direction"]), picture.BLUE)
+        name = str(rows["direction"].iloc[0])
+        colour = _COLOURS.get(name, picture.BLUE)
         strips.append(picture.Strip(name, colour, (begin + rows.index).tolist(), kinds, (), (), texts))
     drawn = pd.concat(
         [table, whole[list(dict.fromkeys(name for name in (sweeps.x, sweeps.key) if name in whole))]], ignore_index=True
@@ -267,11 +258,11 @@ def regimes(sweeps: Sweeps, columns: Sequence[str] = ()) -> picture.Picture:
     behind = [len(series) + number for number in range(len(lines))]
     facets = [picture.Facet(str(name), [number, *behind]) for number, name in enumerate(directions)]
     labels = dict.fromkeys((sweeps.label(rows.iloc[0]) for rows in sweeps.branches), picture.BLACK)
-    panels = [picture.Panel(key, kind="tiles", by=column, title=quantity_of(column).name) for column in columns]
+    panels = [picture.Panel(key, kind="tiles", by=column, title=axis_label(column, "")) for column in columns]
     return picture.Picture(
         name="map",
         heading="Map",
-        title=titles.regimes(sweeps),
+        title=titles.motions(sweeps.table),
         table=table,
         table_name="sweep",
         special=curves if len(curves) else None,

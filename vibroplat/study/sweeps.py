@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from vibroplat.columns import PHASE_COLUMN, QUANTITIES, describe_sync
+from vibroplat.columns import MEASURES, PHASE_COLUMN, describe_sync
 from vibroplat.config.plans import FREQUENCY
 from vibroplat.config.reader import flat
 from vibroplat.config.scene import Scene
@@ -18,6 +18,8 @@ from vibroplat.results.labels import caption_of, compared, distinct, is_number, 
 from vibroplat.results.result import Result
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of
 
+#: Most values of a key that have colours of their own; more of them follow a colour scale.
+MAX_COLOURS = 5
 #: The column that tells several results apart.
 RESULT = "result"
 #: Columns of texts and of numbers that a table of a sweep needs.
@@ -75,6 +77,25 @@ class Sweeps:
         """The rows of each branch, in the order of the table."""
         return [*content.in_groups(self.table, [*self.grid, "branch"])]
 
+    def curve(self, rows: pd.DataFrame) -> str:
+        """Return what the curve of a branch is called."""
+        return self.label(rows.iloc[0])
+
+    @property
+    def shown_scale(self) -> str:
+        """The grid key whose numbers the colours of curves follow, as these are too many for colours of their own."""
+        return self.scale if self.scale and self.table[self.scale].nunique() > MAX_COLOURS else ""
+
+    @cached_property
+    def colours(self) -> dict[str, str]:
+        """Colours of curves by their names."""
+        first: dict[str, pd.Series] = {}
+        for rows in self.branches:
+            first.setdefault(self.curve(rows), rows.iloc[0])
+        scale, count = self.shown_scale, len(first)
+        shades = picture.shades([float(row[scale]) for row in first.values()]) if scale else picture.palette(count)
+        return dict(zip(first, shades, strict=True))
+
     def label(self, row: pd.Series) -> str:
         """Return what a combination of the grid's values is called in a legend; results differ by their labels."""
         return ", ".join(self.labels[row[key]] if key == RESULT else value_words(key, row[key]) for key in self.varied)
@@ -110,7 +131,7 @@ def read(
         if key != keys[0]:
             raise TableError(f"{result.place} is over {key}, not {keys[0]}; allowed: several sweeps over one key")
         numbers = (key, "branch", *_NUMBERS, *columns, *([x] if x else []))
-        tables.append(content.rows_in(result, "sweep", _TEXTS, numbers, list(QUANTITIES)))
+        tables.append(content.rows_in(result, "sweep", _TEXTS, numbers, list(MEASURES)))
     grid = list(dict.fromkeys(key for table in tables for key in grid_of(table)))
     made = [flat(result.given()) for result in results]
     tables = [

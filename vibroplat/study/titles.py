@@ -10,13 +10,10 @@ import numpy as np
 from vibroplat.columns import PHASE_COLUMN, display_name, unit_of
 from vibroplat.config import digits
 from vibroplat.frames import pd
-from vibroplat.results.labels import EXCITATION, SUPPLY, capital, key_name
-from vibroplat.results.picture import sync_words
-from vibroplat.study.answer import motions_text
+from vibroplat.results.labels import capital, key_name, symbol_of
+from vibroplat.study.answer import main_rms, motions_text
 from vibroplat.study.sweeps import Sweeps
 
-#: Symbols of frequencies.
-SYMBOLS = {EXCITATION: "$f$", SUPPLY: "$f_e$"}
 #: Maximum number of values that are listed.
 MAX_LISTED = 3
 
@@ -26,7 +23,8 @@ def place(column: str, values: Any) -> str:
     text = several(values, unit_of(column))
     if text == digits.MISSING:
         return ""
-    return f"{SYMBOLS[column]} = {text}" if column in SYMBOLS else f"{key_name(column)} {text}"
+    symbol = symbol_of(column)
+    return f"{symbol} = {text}" if symbol else f"{key_name(column)} {text}"
 
 
 def several(values: Any, unit: str) -> str:
@@ -45,8 +43,9 @@ def sentence(*parts: str) -> str:
 
 
 def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
-    """Say the largest value of the first measure and where it is, and what motions there are."""
-    table, column = sweeps.table, next(iter(columns), "rms_y_m")
+    """Say the largest value of the first measure and where it is, and what motions there are, as the answer does."""
+    table = sweeps.table
+    column = next(iter(columns), main_rms(table))
     known = table.dropna(subset=[column]) if column in table else table.iloc[:0]
     if known.empty:
         return "Every point failed" if len(table) else "No points"
@@ -55,30 +54,14 @@ def response(sweeps: Sweeps, columns: Sequence[str] = ()) -> str:
         varied = [name for name in sweeps.varied if name in table]
         best = known.loc[known.groupby(varied or np.zeros(len(known)), sort=False)[column].idxmax()]
         maximum = several(best[column], unit_of(column))
-        largest = f"{display_name(column)} at most {maximum} at {place(sweeps.x, best[sweeps.x])}"
-    return sentence(largest, motions(table), _failed(table))
+        name = display_name(column).removeprefix("largest ")
+        largest = f"largest {name} {maximum} at {place(sweeps.key, best[sweeps.key])}"
+    return sentence(largest, motions(table))
 
 
 def motions(table: pd.DataFrame) -> str:
-    """Say which motions a table of a sweep has, as its answer does."""
-    known = table[table["sync"].notna()]
-    return motions_text(known) if {"motion", "period"} <= {*known} and len(known) else ""
-
-
-def _failed(table: pd.DataFrame) -> str:
-    """Say how many points failed, if any did."""
-    count = int((table["outcome"] != "ok").sum()) if "outcome" in table else 0
-    return f"{count} of {len(table)} points failed" if count else ""
-
-
-def regimes(sweeps: Sweeps) -> str:
-    """Say at which fraction of its points a map has each synchronization and flight, and what motions there are."""
-    table = sweeps.table
-    known = table[table["sync"].notna()]
-    if known.empty:
-        return "Every point failed"
-    fractions = known["sync"].value_counts() / len(known)
-    text = ", ".join(f"{sync_words(str(sync))} at {digits.percent(float(part))}" for sync, part in fractions.items())
-    flies = float((known["flight_fraction"] > 0.0).mean()) if "flight_fraction" in known else 0.0
-    flight = f"material flies at {digits.percent(flies)}" if flies else ""
-    return sentence(f"{text} of the points", flight, motions(table), _failed(table))
+    """Say which motions a table of a sweep has, and how many points failed, as its answer does."""
+    known, count = table[table["sync"].notna()], int((table["outcome"] != "ok").sum()) if "outcome" in table else 0
+    texts = [motions_text(known)] if {"motion", "period"} <= {*known} and len(known) else []
+    texts += [f"{count} of {len(table)} points failed"] if count else []
+    return sentence(*texts) or "Every point failed"

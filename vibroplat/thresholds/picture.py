@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from vibroplat.columns import PHASE_COLUMN
+from vibroplat.columns import PHASE_COLUMN, name_sync
 from vibroplat.config.study_plans import FindPlan
 from vibroplat.results import content, picture
 from vibroplat.results.labels import caption_of, key_name
@@ -40,7 +40,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
     sync = table["sync"].fillna("failed")
     series = [
         picture.Series(
-            picture.sync_words(name),
+            name_sync(name),
             content.rows_of(sync == name),
             colour=picture.SYNC.get(name, picture.FAILED),
             mode="markers",
@@ -67,8 +67,7 @@ def _picture(result: Result, measure: Sequence[str]) -> picture.Picture:
         states=content.motions_of(table),
         rotation=result.known_scene.rotation if result.known_scene else "",
         caption=caption_of([result.name], result.known_scene, [key], omitted),
-        meaning="Every value that was looked at. Filled: periodic, open: not periodic, ×: failed; dashed lines: "
-        "thresholds.",
+        meaning="All evaluated values. Filled: periodic; open: non-periodic, ×: failed; dashed lines: thresholds.",
         orbits=picture.Orbits(
             table,
             [side for side in sides if side is not None],

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vibroplat.columns import PHASE_COLUMN, is_angle
+from vibroplat.columns import PHASE_COLUMN, is_angle, name_regime
 from vibroplat.config.circular import beyond, bound_scale
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.engine_choice import with_second_engine
@@ -131,10 +131,8 @@ class ScanPoint(NamedTuple):
     @property
     def text(self) -> str:
         """The motion in words."""
-        sync, motion, period = (self.row[name] for name in ("sync", "motion", "period"))
-        motion = "not settled" if self.row.get("detail") == NOT_SETTLED else motion
-        parts = (sync, f"period {period}" if period else motion, "leaving an unstable orbit" if self.leaving else "")
-        return ", ".join(filter(None, parts))
+        unsettled = {"motion": "not settled"} if self.row.get("detail") == NOT_SETTLED else {}
+        return name_regime({**self.row, **unsettled}) + ", leaving an unstable orbit" * self.leaving
 
 
 def relative_difference(one: ScanPoint, other: ScanPoint, plan: FindPlan) -> float:
