@@ -21,10 +21,13 @@ import numpy.typing as npt
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Initial
+from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
 from vibroplat.kernels.lanes import in_lines
 from vibroplat.kernels.polynomial import stretch
-from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE, UNKNOWNS, System
+from vibroplat.model.parameters import Parameters, parameters, plain
+from vibroplat.model.springs import resist
+from vibroplat.model.systems import FULL_SIZE, GAP, MOVING_SIZE, UNKNOWNS, System
 
 #: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
@@ -34,6 +37,11 @@ WIDTH = 16
 
 #: Minimum degree of the polynomials, that of chatter.
 CUBIC = 3
+
+#: Places of x, y, φ, y_w1, y_w2 in the full state, and their rates at rest.
+RELATIVE, _STILL = [0, 1, 2, GAP, GAP + 1], (0.0,) * 5
+#: Most corrections of the static rest; linear springs take one.
+MAX_CORRECTIONS = 100
 
 # How a piece continues the previous one.
 AFTER_EVENT, RESTARTED, CUT = range(3)
@@ -253,14 +261,13 @@ def force_spread(scene: Scene) -> float:
 
     With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
     """
-    machine, scales = scene.machine, scene.state_scales
+    scales = scene.state_scales
     lower, upper = scene.layer_masses
-    stiffness, damping = scene.layer_spring
-    rates = [RATE_TOLERANCE_RATIO * scale for scale in scales[7:]]
-    layers = upper * (stiffness * scales[6] + damping * rates[6])
-    springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
+    rates = [RATE_TOLERANCE_RATIO * scale for scale in scales[7:14]]
+    at, moving = ([values[place] for place in RELATIVE] for values in (scales, rates))
+    resisting = resist(at, moving, plain(parameters(scene)))[0]
     motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
-    return float(scene.force_scale + layers + lower / scene.body.mass * (springs + motors))
+    return float(scene.force_scale + upper * resisting[4] + lower / scene.body.mass * (resisting[1] + motors))
 
 
 def force_noise(scene: Scene) -> float:
@@ -286,31 +293,47 @@ def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
     return min(int(-0.5 * math.log2(share)), MAX_HALVINGS) if share < 1.0 else 0
 
 
-def static_rest(scene: Scene) -> FloatArray:
+def static_rest(scene: Scene, p: Parameters | None = None) -> FloatArray:
     """Full state of platform and material at rest on the static sag, exciters at angle 0.
 
-    y = −(M + m_w) g / c_y and y_w2 = −m_w2 g / c_w, springs being unstressed at 0.
+    Springs are unstressed at 0. Linear ones rest at y = −(M + m_w) g / c_y and y_w2 = −m_w2 g / c_w; others are found
+    by Newton's method. A coordinate without a spring does not move. ``p`` are the scene's parameters, if at hand.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        The springs do not hold the weight.
     """
     state = np.zeros(FULL_SIZE if scene.transport is None else MOVING_SIZE)
     slope, gravity = scene.gravity
     lower, upper = scene.layer_masses
-    state[1] = -(scene.platform_mass + lower + upper) * gravity / scene.machine.stiffness_y_n_per_m
-    if scene.layers == 2:
-        state[6] = -gravity / scene.layer_spring[0]
-    if scene.transport is not None:  # without a spring it does not rest on a slope
-        stiffness = scene.machine.stiffness_x_n_per_m, scene.machine.stiffness_phi_n_m_per_rad
-        loads = scene.platform_mass + lower + upper, -scene.transport.deck_height_m * (lower + upper)
-        state[0], state[2] = (load * slope / k if k else 0.0 for load, k in zip(loads, stiffness, strict=True))
-    return state
+    total = scene.platform_mass + lower + upper
+    loads = [total * slope, -total * gravity, 0.0, 0.0, -gravity if scene.layers == 2 else 0.0]
+    if scene.transport is not None:
+        loads[2] = -scene.transport.deck_height_m * (lower + upper) * slope
+    numbers, coordinates = plain(parameters(scene) if p is None else p), [0.0] * len(loads)
+    for _ in range(MAX_CORRECTIONS):
+        found, slopes = resist(coordinates, _STILL, numbers)
+        held = [i for i in range(len(loads)) if slopes[i][i] != 0.0]
+        missing = [loads[i] - found[i] for i in held]
+        if max(map(abs, missing)) <= ROUND_OFF * total * gravity:
+            state[RELATIVE] = coordinates
+            return state
+        steps = [force / slopes[i][i] for i, force in zip(held, missing, strict=True)]
+        if any(slopes[i][j] != 0.0 for i in held for j in held if i != j):
+            steps = np.linalg.solve([[slopes[i][j] for j in held] for i in held], missing).tolist()
+        for i, step in zip(held, steps, strict=True):
+            coordinates[i] += step
+    raise ConfigError(f"no static rest: the springs do not hold the weight of {total * gravity:g} N")
 
 
-def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
+def initial_state(scene: Scene, initial: Initial | None = None, p: Parameters | None = None) -> FloatArray:
     """Full state, shape (14,), with transport (16,), that ``run.initial`` asks for, or another start of the scene.
 
-    For one that goes on from another run it is static rest.
+    For one that goes on from another run it is static rest. ``p`` are the scene's parameters, if they are at hand.
     """
     initial = initial or scene.run.initial
-    state = static_rest(scene)
+    state = static_rest(scene, p)
     if initial.state is None:
         speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))
         state[3:5] = initial.angles(scene.phase_weights[1], scene.hanging_angle)

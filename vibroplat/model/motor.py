@@ -23,14 +23,6 @@ def sense_of(x: Lanes) -> Lanes:
     return select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0))
 
 
-@inlined
-def slip_speeds(i: int, t: float, speed: float, p: Parameters) -> tuple[float, float]:
-    """Slip speed and critical slip speed of exciter i's motor at a time and a speed (rad/s)."""
-    elapsed = t - p.since
-    synchronous = p.speed[i] + p.speed_ramp[i] * elapsed
-    return synchronous - p.direction[i] * speed, p.slip_speed[i] + p.slip_ramp[i] * elapsed
-
-
 @compiled
 def motor_torque(i: int, t: float, speed: float, p: Parameters) -> float:
     """Torque L_i of exciter i's motor at a time and a speed (N·m), counter-clockwise."""

@@ -61,6 +61,8 @@ _SYSTEM = """
 _SIGNS = {"sum": "+", "difference": "-", "product": "*"}
 _CALLS = {"sine": "np.sin({})", "cosine": "np.cos({})", "inverse": "0.0 if {0} == 0.0 else 1.0 / ({0})"}
 _CALLS |= {"sense": "np.copysign(1.0, {})", "negative": "-{}"}
+#: The same for arrays of Python.
+OF_ARRAYS = _CALLS | {"inverse": "np.where({0} == 0.0, 0.0, 1.0 / np.where({0} == 0.0, 1.0, {0}))"}
 #: The same for lanes.
 _OF_LANES = {
     "inverse": "select({0} == 0.0, 0.0, 1.0 / ({0}))",

@@ -272,7 +272,7 @@ class Sampler:
         columns |= self._supply(rows)
         if self._accelerations:
             state = rows["state"].T
-            columns |= dict(zip(FORCES, foundation_forces(*state[:2], *state[7:9], self._p), strict=True))
+            columns |= dict(zip(FORCES, foundation_forces(*state[:3], *state[7:10], self._p)[:2], strict=True))
         return ArrayTable(columns, {**TRAJECTORY, **self._accelerations, **FORCES})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
