@@ -98,7 +98,7 @@ def beginning(
     runs["tolerance"] = scene.solver.tolerance
     runs["force_noise"] = FORCE_NOISE * scene.force_scale
     if scene.transport is not None:
-        runs["force_error"] = force_noise(scene)
+        runs["force_error"] = force_noise(scene, p)
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
     runs["target"] = math.nan

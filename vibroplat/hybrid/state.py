@@ -256,26 +256,27 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     return scene.solver.tolerance * atol
 
 
-def force_spread(scene: Scene) -> float:
+def force_spread(scene: Scene, p: Parameters | None = None) -> float:
     """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
 
     With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
+    ``p`` are the scene's parameters, if they are at hand.
     """
     scales = scene.state_scales
     lower, upper = scene.layer_masses
     rates = [RATE_TOLERANCE_RATIO * scale for scale in scales[7:14]]
     at, moving = ([values[place] for place in RELATIVE] for values in (scales, rates))
-    resisting = resist(at, moving, plain(parameters(scene)))[0]
+    resisting = resist(at, moving, plain(parameters(scene) if p is None else p))[0]
     motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
     return float(scene.force_scale + upper * resisting[4] + lower / scene.body.mass * (resisting[1] + motors))
 
 
-def force_noise(scene: Scene) -> float:
+def force_noise(scene: Scene, p: Parameters | None = None) -> float:
     """Contact forces up to this (N) are noise: what errors of the state within the tolerance, or round-off, leave.
 
     At a liftoff F_c has either sign within it. In 400 random scenes F_c was never below zero by more than 5e-5 of it.
     """
-    admitted = min(scene.solver.tolerance * force_spread(scene), FORCE_ERROR * scene.force_scale)
+    admitted = min(scene.solver.tolerance * force_spread(scene, p), FORCE_ERROR * scene.force_scale)
     return max(admitted, FORCE_NOISE * scene.force_scale)
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from vibroplat.kernels.compiled import compiled, inlined
 from vibroplat.kernels.polynomial import value
 from vibroplat.model.motor import motor_torque
@@ -45,8 +47,18 @@ def motor_quantity(k: int, i: int, speed: float, s: float, span: Span, p: Parame
     return torque * speed if k >= POWER_1 else p.direction[i] * torque
 
 
+@inlined
+def sampled(k: int, i: int, place: float, room: Any, span: Span, p: Parameters) -> float:
+    """Evaluate quantity k at sample i of a part of a step, which is at a fraction of the step."""
+    if PULL_X <= k < SPEED_1:
+        return float(room.quantities[i, k])
+    motor = k - POWER_1 if k >= POWER_1 else k - TORQUE_1
+    speed = room.samples[i, DIFFERENTIAL[span.system] // 2 + 3 + motor]
+    return motor_quantity(k, motor, speed, place, span, p)
+
+
 @compiled
-def follow(extremes: Any, k: int, span: Span, p: Parameters) -> None:
+def follow(extremes: Any, k: int, room: Any, span: Span, p: Parameters) -> None:
     """Let the extremes of quantity k cover a part of a step.
 
     They are among its samples, or at vertices of parabolas through three of them, found twice more from closer points.
@@ -54,7 +66,7 @@ def follow(extremes: Any, k: int, span: Span, p: Parameters) -> None:
     low, middle, before, here = 0.0, 0.0, 0.0, 0.0
     for i in range(span.nodes + 2):
         high = place_of(i, span)
-        after = quantity_at(k, high, span, p)
+        after = sampled(k, i, high, room, span, p)
         remember(extremes, k, after, high, span)
         s, width = vertex((low, middle, high), (before, here, after)), high - low
         if i > 1 and low < s < high:
@@ -68,22 +80,29 @@ def follow(extremes: Any, k: int, span: Span, p: Parameters) -> None:
 
 
 @inlined
-def update_motor_extremes(extremes: Any, i: int, known: tuple[float, float], span: Span, p: Parameters) -> None:
+def update_motor_extremes(
+    extremes: Any, i: int, known: tuple[float, float], room: Any, span: Span, p: Parameters
+) -> None:
     """Update the extremes of torque and power of motor i over a step, and those of its speed over all supplies.
 
     At a constant supply torque and power depend on the speed alone: they have new extremes only where the speed has,
-    since the supply has changed. Extremes of the speed before the step are ``known``.
+    since the supply has changed, and between the speed's extremes before the step, ``known``, and after it.
     """
-    k, (least, largest), new = DRIVEN_1 + i, known, p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0
-    for speed, at, beyond in (
-        (extremes.least[k], extremes.at_least[k], extremes.least[k] < least),
-        (extremes.largest[k], extremes.at_largest[k], extremes.largest[k] > largest),
+    k, followed = DRIVEN_1 + i, p.speed_ramp[i] != 0.0 or p.slip_ramp[i] != 0.0
+    for speed, at, before in (
+        (extremes.least[k], extremes.at_least[k], known[0]),
+        (extremes.largest[k], extremes.at_largest[k], known[1]),
     ):
-        if beyond:
-            s, new = (at - span.begin) / span.length, True
-            remember(extremes, SPEED_1 + i, speed, s, span)
-            for quantity in (TORQUE_1 + i, POWER_1 + i):
-                remember(extremes, quantity, motor_quantity(quantity, i, speed, s, span, p), s, span)
-    if new:
-        follow(extremes, TORQUE_1 + i, span, p)
-        follow(extremes, POWER_1 + i, span, p)
+        if speed == before:
+            continue
+        s = (at - span.begin) / span.length
+        remember(extremes, SPEED_1 + i, speed, s, span)
+        for quantity in (TORQUE_1 + i, POWER_1 + i):
+            reached = motor_quantity(quantity, i, speed, s, span, p)
+            remember(extremes, quantity, reached, s, span)
+            between = motor_quantity(quantity, i, 0.5 * (before + speed), s, span, p)
+            values = motor_quantity(quantity, i, before, s, span, p), between, reached
+            followed |= not 0.0 < abs(before) < np.inf or 0.0 < vertex((0.0, 0.5, 1.0), values) < 1.0
+    if followed:
+        follow(extremes, TORQUE_1 + i, room, span, p)
+        follow(extremes, POWER_1 + i, room, span, p)

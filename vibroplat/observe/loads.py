@@ -230,7 +230,7 @@ def update_columns(extremes: Any, room: Any, span: Span, found: tuple[int, int, 
         cover(extremes, above, below, room, span, p)
     for i in range(2):
         if (above | below) >> (DRIVEN_1 + i) & 1:
-            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), span, p)
+            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room, span, p)
     if shaken:
         update_vibration(extremes, room, span)
     for i in range(room.named):

@@ -159,7 +159,7 @@ def cover(extremes: Any, above: int, below: int, room: Any, span: Span, p: Param
         k, left = 0, above if sense > 0.0 else below
         while left != 0:
             if left & 1 and PULL_X <= k < SPEED_1 and BENT[min(max(k - PULL_X, 0), 2)]:
-                follow(extremes, k, span, p)
+                follow(extremes, k, room, span, p)
             elif left & 1:
                 count = find_tops(extremes, k, sense, room, span, count, p)
             k, left = k + 1, left >> 1
