@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.vectors import load_2, store
+from vibroplat.kernels.lanes import load_2, store
 from vibroplat.model.energy import FORCE, FORCE_SIZE, POWERS, energies, exciter_powers, powers
 from vibroplat.model.impact import kinetic_change
 from vibroplat.model.motor import motor_torques

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.lanes import Lanes, Pair, join, select
 from vibroplat.kernels.on_demand import written
-from vibroplat.kernels.vectors import Lanes, Pair, join, select
 from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
+from vibroplat.kernels.lanes import load_2, some
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
-from vibroplat.kernels.vectors import load_2, some
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import CURVED_FORCE, CURVED_SQUARE
 from vibroplat.model.systems import DIFFERENTIAL
@@ -265,7 +265,7 @@ def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int,
     """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means.
 
     With stiffness k and damping d a force is kq + dq̇, and its square k²q² + 2kd qq̇ + d²q̇²; the means of all these are
-    in the four rows of :func:`vibroplat.kernels.rows.means_16`. Behind them is what is not linear, see
+    in the four rows of :func:`vibroplat.kernels.rows_of_16.means_16`. Behind them is what is not linear, see
     :func:`vibroplat.model.springs.curved_means`.
     """
     for i in range(3):

@@ -12,8 +12,7 @@ import numpy as np
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.kernels.polynomial import MAX_DEGREE, slope, turning_point
-from vibroplat.kernels.vectors import (
+from vibroplat.kernels.lanes import (
     Lanes,
     as_lanes,
     bits,
@@ -30,6 +29,7 @@ from vibroplat.kernels.vectors import (
     store,
     zero,
 )
+from vibroplat.kernels.polynomial import MAX_DEGREE, slope, turning_point
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import BENT, add_pulls_beyond, foundation_forces_at
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
