@@ -272,9 +272,8 @@ class Sampler:
         columns |= self._supply(rows)
         if self._accelerations:
             state = rows["state"].T
-            columns |= dict(
-                zip(FOUNDATION_FORCES, foundation_forces(*state[:3], *state[7:10], self._p)[:2], strict=True)
-            )
+            along_x, along_y, _ = foundation_forces(*state[:3], *state[7:10], self._p)
+            columns |= dict(zip(FOUNDATION_FORCES, (along_x, along_y), strict=True))
         return ArrayTable(columns, {**TRAJECTORY, **self._accelerations, **FOUNDATION_FORCES})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
