@@ -153,7 +153,8 @@ def simulate(
         Two functions, or two files (:class:`vibroplat.results.tables.TableFile`), that receive the trajectory table and
         the event table part by part during the run, independent of ``keep``.
     variation
-        True: also compute the derivative of the final state by the initial state, :attr:`RunResult.monodromy`.
+        True: also compute the derivative of the final state by the initial state,
+        :attr:`vibroplat.results.run.RunResult.monodromy`.
         Dotted keys: also the derivative by these keys, :attr:`RunResult.variation`.
     start
         Initial condition, if it is known already. Default: the initial condition of the scene.
