@@ -86,6 +86,32 @@ def test_arrows_point_down():
     TopologicalSorter(graph).prepare()  # CycleError names a circle
 
 
+#: What docstrings and comments refer to: a name of their own file, after a dot one of any file, or with its module.
+REFERENCE = re.compile(r":(?:attr|class|data|func|meth|mod):`~?([\w.]+)`")
+
+
+#: Packages of others that they refer to.
+ELSEWHERE = {"concurrent", "multiprocessing", "numpy", "pandas"}
+
+
+def test_docstrings_name_what_is_there():
+    texts = {name: path.read_text(encoding="utf-8") for name, path in FILES.items()}
+    others = {name: set(re.findall(r"\w+", REFERENCE.sub("", text))) for name, text in texts.items()}
+    missing = set()
+    for name, text in texts.items():
+        for reference in REFERENCE.findall(text):
+            parts = reference.removeprefix("vibroplat.").split(".")
+            ends = [end for end in range(len(parts), 0, -1) if ".".join(parts[:end]) in texts]
+            known, rest = others[name], parts
+            if reference.startswith("."):
+                known, rest = set().union(*others.values()), parts[1:]
+            elif ends:
+                known, rest = others[".".join(parts[: ends[0]])], parts[ends[0] :]
+            if not (known.issuperset(rest) or reference in PUBLIC or parts[0] in ELSEWHERE):
+                missing.add((name, reference))
+    assert missing == set()
+
+
 def test_the_map_of_the_house_names_files_that_are_there():
     page = (PACKAGE.parent / "results" / "method.md").read_text("utf-8")
     named_files = set(re.findall(r"`((?:\w+/)*\w+\.py)`", page.partition("## The code")[2])) - OF_TESTS

@@ -15,6 +15,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINI
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, RUNNING, rewind
+from vibroplat.integrate.interface import count_within_period
 from vibroplat.kernels.compiled import NOWHERE, Callee
 from vibroplat.kernels.polynomial import crossing, first_downcrossing, stretch, values
 from vibroplat.model.accelerations import accelerations
@@ -46,7 +47,7 @@ class Stepwise:
         self._powers = self._nodes[:, np.newaxis] ** np.arange(self.degree + 1)
         self._open = False
         self._done = 0.0  # time of the segment up to the last step (s)
-        self._counted, self._counted_from = 0, 0.0
+        self._counted, self._counted_from = 0.0, 0.0
         self._taken = []  # steps that are not added yet
 
     @property
@@ -82,7 +83,7 @@ class Stepwise:
         start, atol = (numbers[: system.differential].copy() for numbers in (run["y"][run["mode"]], run["atol"]))
         self._integrator.start(system, float(run["origin"]), start, atol)
         self._open, self._done = True, 0.0
-        self._counted, self._counted_from = 0, 0.0
+        self._counted, self._counted_from = 0.0, 0.0
         self._taken = []  # what was taken beyond the end of the last segment is dropped
         return True
 
@@ -101,8 +102,8 @@ class Stepwise:
                     return FAILED
                 self._counted += len(self._taken)
             stop = self._add(h, *self._taken.pop(0))
-            if self._done - self._counted_from >= period:
-                self._counted, self._counted_from = 0, self._done
+            counted, since = self._counted, self._counted_from
+            self._counted, self._counted_from = count_within_period(counted, since, self._done, period)
         return stop
 
     def _add(self, h, length, coefficients):

@@ -146,8 +146,8 @@ def test_auto_repeats_a_run_by_the_engine_that_can(quickstart, tmp_path):
 
 
 def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
-    monkeypatch.setattr("vibroplat.integrate.native.MAX_STEPS", 10)
-    monkeypatch.setattr("vibroplat.integrate.native.STEPS_PER_EVENT", 0)
+    monkeypatch.setattr("vibroplat.integrate.interface.MAX_STEPS", 10)
+    monkeypatch.setattr("vibroplat.integrate.interface.STEPS_PER_EVENT", 0)
     run = simulate(with_engine(quickstart, "native"))
     assert run.outcome == "solver-failure"
     assert run.summary["detail"].startswith("SUNDIALS: more than 10 steps within a period; mode attached, t = ")
@@ -156,8 +156,8 @@ def test_integrator_that_gets_stuck_is_stopped(quickstart, monkeypatch):
 
 def test_steps_that_are_taken_back_count_too_where_a_motion_is_stuck(quickstart, monkeypatch):
     """Nearly all are, of a mass so large that its rates are round-off."""
-    monkeypatch.setattr("vibroplat.integrate.taylor.MAX_STEPS", 3000)
-    monkeypatch.setattr("vibroplat.integrate.taylor.STEPS_PER_EVENT", 0)
+    monkeypatch.setattr("vibroplat.integrate.interface.MAX_STEPS", 3000)
+    monkeypatch.setattr("vibroplat.integrate.interface.STEPS_PER_EVENT", 0)
     run = simulate(with_engine(quickstart, "taylor").replace({"machine.platform_mass_kg": 1e30}))
     assert run.summary["detail"].startswith("taylor: more than 3000 steps within a period; mode attached, t = ")
     assert run.summary["error_test_failures"] > 1000

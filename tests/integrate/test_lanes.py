@@ -1,49 +1,64 @@
-"""Loops over rows as vectors, against numpy."""
+"""Numbers side by side, against numpy, for one lane and for several."""
 
 import numpy as np
+import pytest
 
-from vibroplat.kernels import lanes
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.rows import horner_16, horner_pair_16
-from vibroplat.kernels.sines import sincos_pair
+from vibroplat.kernels.lanes import (
+    as_lanes,
+    exp2,
+    greater,
+    join,
+    lanes_record,
+    lesser,
+    log2,
+    nearest,
+    part,
+    select,
+    size,
+    some,
+    zero,
+)
+
+FIELDS = {"a": (1,), "b": (1,), "rows": (3, 1), "out": (12, 1), "any": (2, 1)}
 
 
 @compiled
-def evaluate(c, degree, s, out):
-    horner_16(c, degree, s, out)
+def compute(record):
+    s = as_lanes(record)
+    a, b, out = s.a, s.b, s.out
+    out[0], out[1], out[2] = a + 2.0 * b, a / b - 1.0, -(a * b)
+    out[3], out[4] = greater(a, b), lesser(a, 0.5)
+    out[5] = select((a > b) & (b <= 0.0) | (a == 1.0), size(b), nearest(a))
+    total = zero(a)
+    for i in range(3):
+        total += s.rows[i]
+    out[6] = total
+    (out[7], out[8]), (out[9], _) = part(join(a, b) * join(b, 3.0)), part(2.0 * join(a, b))
+    out[10], out[11] = log2(size(a)), exp2(b)
+    s.any[0] = select(some(a < b), a, b)
+    s.any[1] = select(some(a > 1e9), a, b)
 
 
-@compiled
-def evaluate_pair(c, degree, s, following, out):
-    horner_pair_16(c, degree, s, following, 0, out)
+@pytest.mark.parametrize("width", [1, 2, 4, 8])
+def test_lanes_compute_as_numbers_do(width):
+    record, random = lanes_record(width, FIELDS, {"both": ("a", (2, 1))}), np.random.default_rng(3)
+    record["both"][:] = random.normal(size=(2, width))
+    record["a"][0] = 1.0
+    record["rows"][:] = random.normal(size=(3, width))
+    compute(record)
+    a, b = record["a"], record["b"]
+    chosen = np.where(((a > b) & (b <= 0.0)) | (a == 1.0), np.abs(b), np.rint(a))
+    expected = [a + 2.0 * b, a / b - 1.0, -a * b, np.maximum(a, b), np.minimum(a, 0.5), chosen]
+    expected += [record["rows"].sum(axis=0), a * b, 3.0 * b, 2.0 * a]
+    np.testing.assert_allclose(record["out"][:10], expected, rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(record["out"][10:], [np.log2(np.abs(a)), np.exp2(b)], rtol=1e-7, atol=1e-7)
+    np.testing.assert_array_equal(record["any"], [a if (a < b).any() else b, b])
 
 
-@compiled
-def sines(x, y, out):
-    for i in range(x.size):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = sincos_pair(x[i], y[i])
-
-
-def rows(count, width, seed=0):
-    found = lanes.in_lines((count, width))
-    found[:] = np.random.default_rng(seed).normal(size=(count, width))
-    return found
-
-
-def test_values_of_polynomials():
-    for degree in (1, 3, 17):
-        c, powers = rows(degree + 1, 16), np.arange(degree + 1.0)[:, np.newaxis]
-        one, two = np.empty((1, 16)), np.empty((2, 16))
-        evaluate(c, degree, 0.3, one)
-        evaluate_pair(c, degree, 0.3, 1.0, two)
-        np.testing.assert_allclose(one[0], (c * 0.3**powers).sum(axis=0), atol=1e-13)
-        np.testing.assert_allclose(two, [one[0], c.sum(axis=0)], atol=1e-13)
-
-
-def test_sines_are_right_to_round_off():
-    for largest in (1e-8, 1.0, 10.0, 1e3, 1e5):
-        x, y = np.random.default_rng(1).uniform(-largest, largest, (2, 10_000))
-        x[:9] = np.arange(-4, 5) * 0.25 * np.pi
-        out = np.empty((10_000, 4))
-        sines(x, y, out)
-        np.testing.assert_allclose(out.T, [np.sin(x), np.cos(x), np.sin(y), np.cos(y)], atol=2.3e-16, rtol=0)
+def test_comparisons_with_no_number_are_false():
+    record = lanes_record(4, FIELDS, {})
+    record["a"][:], record["b"][:] = np.nan, [1.0, -1.0, 0.0, np.nan]
+    compute(record)
+    np.testing.assert_array_equal(record["out"][3], record["b"])
+    np.testing.assert_array_equal(record["any"][0], record["b"])

@@ -10,9 +10,9 @@ from vibroplat.integrate import lockstep
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, guard_fall, statuses
 from vibroplat.integrate.taylor import TaylorEngine, degree_of
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.lanes import as_lanes
+from vibroplat.kernels.lines import in_lines
 from vibroplat.kernels.polynomial import MAX_DEGREE
-from vibroplat.kernels.vectors import as_lanes
 from vibroplat.model.parameters import parameters
 from vibroplat.motion.motion import Simulator
 

@@ -9,7 +9,7 @@ from vibroplat.model.graph import local, parameter, scalar, symbol
 from vibroplat.model.impact import impulse_response
 from vibroplat.model.parameters import PARAMETERS, parameters
 from vibroplat.model.source import P, motor, resistance
-from vibroplat.model.straight import PLACES, of_one, traced
+from vibroplat.model.straight import PLACE_TEXTS, of_one, traced
 
 from .helpers import EACH_PAIR, RECORDS, TIME, random_states, record_of, scene_of, settled, torque_by_quotient
 
@@ -225,7 +225,7 @@ def test_the_source_states_lagranges_equations():
     known = {parameter(name): value for name, value in fields.items()} | {symbol("force"): contact}
     known[symbol("friction")] = friction
     for letter, values in (("q", q), ("v", v), ("a", a)):
-        known |= {symbol(f"{letter}_{name}"): value for name, value in zip(PLACES, values, strict=True)}
+        known |= {symbol(f"{letter}_{name}"): value for name, value in zip(PLACE_TEXTS, values, strict=True)}
     rows, found = traced()
     net = motor(found["v_angle"], P) - resistance(found["v_angle"], P)
     for i in (0, 1):
@@ -241,7 +241,7 @@ def test_the_source_states_lagranges_equations():
     row["phi"] -= height * row["along"]
     reaction = sum(deck * torque for deck, torque in zip(decks, torques, strict=True))
     others = sp.Matrix([0, 0, -reaction, 0, 0, contact, 0, friction])
-    for name, expected in zip(PLACES, matrix * sp.Matrix(a) - forces - others, strict=True):
+    for name, expected in zip(PLACE_TEXTS, matrix * sp.Matrix(a) - forces - others, strict=True):
         difference = sp.expand(row[name] - expected).subs(
             {sp.cos(angle) ** 2: 1 - sp.sin(angle) ** 2 for angle in q[3:5]}
         )

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from vibroplat.kernels.compiled import compiled
+from vibroplat.kernels.lanes import as_lanes, lanes_record
 from vibroplat.kernels.polynomial import MAX_DEGREE
-from vibroplat.kernels.vectors import as_lanes, lanes_record
 from vibroplat.model.accelerations import accelerations
 from vibroplat.model.parameters import record_words
-from vibroplat.model.series import FORCE, MOTION, WORDS, expand, parameter_rows, room
+from vibroplat.model.series import FORCE_COLUMN, MOTION, WORDS, expand, parameter_rows, room
 from vibroplat.model.systems import SYSTEMS
 
 from .helpers import EACH_PAIR, EACH_SYSTEM, PLAIN, TIME, random_states, record_of, settled
@@ -47,7 +47,7 @@ def side_by_side(given, degree=DEGREE):
 def series(system, y, p, degree=DEGREE):
     """Coefficients (degree + 1, n) of coordinates and (degree − 1,) of F_c."""
     q = side_by_side([(system, y, p)], degree)[:, :, 0]
-    return q[:, system.places[: system.differential // 2]].copy(), q[: degree - 1, FORCE].copy()
+    return q[:, system.places[: system.differential // 2]].copy(), q[: degree - 1, FORCE_COLUMN].copy()
 
 
 def along(coefficients, elapsed, derivative=0):

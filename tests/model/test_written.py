@@ -10,11 +10,11 @@ import pytest
 
 from vibroplat.config.sections import Transport
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.vectors import as_lanes, lanes_record
+from vibroplat.kernels.lanes import as_lanes, lanes_record
 from vibroplat.model.accelerations import accelerations, second_derivatives
 from vibroplat.model.equations import jacobian, rows
 from vibroplat.model.parameters import parameters, record_words
-from vibroplat.model.series import ALONG, MOVING, WORDS, expand, parameter_rows, room
+from vibroplat.model.series import ALONG_COLUMN, MOTION_ALONG, WORDS, expand, parameter_rows, room
 from vibroplat.model.systems import MOVING_SIZE, SYSTEMS
 
 from .helpers import RECORDS, SIZES, TIME, name_of, scene_of
@@ -41,10 +41,10 @@ def expand_plain(motion, degree, room, rows):
 
 def series(system, y, p):
     """Coefficients of all columns times powers of a time."""
-    motion, formed, given = lanes_record(1, MOVING, {}), room(moving=system.slides), parameter_rows()
+    motion, formed, given = lanes_record(1, MOTION_ALONG, {}), room(moving=system.slides), parameter_rows()
     full = np.append(system.full(y), [0.0, 0.0])
     motion["t"], motion["y"][:7, 0], motion["v"][:7, 0] = TIME, full[:7], full[7:14]
-    motion["y"][ALONG, 0], motion["v"][ALONG, 0] = full[14:16]
+    motion["y"][ALONG_COLUMN, 0], motion["v"][ALONG_COLUMN, 0] = full[14:16]
     motion["attached"], motion["two"] = system.algebraic, system.layers == 2
     motion["flying"] = system.layers > 0 and not system.algebraic
     motion["lower_share"] = 1.0 / p["lower_mass"] if system.layers else 0.0

@@ -9,7 +9,7 @@ from common.known import motion_of
 from vibroplat import simulate
 from vibroplat.hybrid.state import WIDTH
 from vibroplat.kernels.compiled import compiled
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.lines import in_lines
 from vibroplat.observe.extremes import HEIGHT, NODES, REACH, Equations, Span, empty_extremes
 from vibroplat.observe.measures import SECTION_POINTS, SUMMED, WHOLE_RUN, WITH_EXTREMES
 from vibroplat.observe.peaks import EIGHT, beyond_limits, polish

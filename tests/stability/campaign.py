@@ -25,7 +25,7 @@ from vibroplat.check.runs import check_run
 from vibroplat.continuation.first_orbit import OrbitError
 from vibroplat.continuation.orbit import run_from
 from vibroplat.hybrid.state import state_scales
-from vibroplat.integrate.native import MAX_STEPS
+from vibroplat.integrate.interface import MAX_STEPS
 from vibroplat.model.systems import GAP
 from vibroplat.report.summary import INACCURATE
 from vibroplat.study.fingerprint import package

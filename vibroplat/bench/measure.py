@@ -97,7 +97,7 @@ def by_turns(tasks: Mapping[K, Callable[[], tuple[float, Any]]], repeats: int) -
     """Run tasks by turns, so that a machine's drift affects all of them alike.
 
     A task returns its time (s) and its value, as :func:`timed` does. Within a turn a short task is repeated until its
-    runs have taken :data:`SHORT`; the time of the turn is their median.
+    runs have taken :data:`MAX_TURN_S`; the time of the turn is their median.
     """
     seconds: dict[K, list[float]] = {key: [] for key in tasks}
     values: dict[K, Any] = {}
@@ -121,7 +121,7 @@ class Reference(NamedTuple):
 
 
 def compared_events(events: pd.DataFrame) -> pd.DataFrame:
-    """Liftoffs, and impacts faster than :data:`SLOWEST`."""
+    """Liftoffs, and impacts faster than :data:`MIN_IMPACT_SPEED`."""
     impacts = (events["kind"] == "impact") & (events["gap_rate_before_m_per_s"] < -MIN_IMPACT_SPEED)
     return events[(events["kind"] == "liftoff") | impacts].reset_index(drop=True)
 

@@ -14,7 +14,7 @@ from vibroplat.config.kinds import KINDS
 from vibroplat.inspection.values import INSPECTION
 from vibroplat.motion.run import SUMMARY
 from vibroplat.observe.conveying import CONVEYING
-from vibroplat.observe.tables import EVENTS, FORCES, TRAJECTORY, acceleration_columns
+from vibroplat.observe.tables import EVENTS, FOUNDATION_FORCES, TRAJECTORY, acceleration_columns
 from vibroplat.paper.tables import TABLES as PAPER
 from vibroplat.report.data_sheet import point_columns, whole_columns
 
@@ -24,7 +24,7 @@ _POINTS = point_columns()
 TABLES: dict[str, tuple[str, Columns]] = {
     "trajectory": (
         "`vibroplat run`: one row per sample; two rows at an event, before and after it.",
-        {**TRAJECTORY, **acceleration_columns(["NAME"]), **FORCES},
+        {**TRAJECTORY, **acceleration_columns(["NAME"]), **FOUNDATION_FORCES},
     ),
     "events": ("`vibroplat run`: one row per event.", EVENTS),
     "summary.json": (

@@ -152,7 +152,7 @@ class Scene(Section):
 
     @property
     def coordinates(self) -> tuple[int, ...]:
-        """Indices into :data:`COORDINATES` of the coordinates of this scene."""
+        """Indices into :data:`vibroplat.config.coordinates.COORDINATES` of the coordinates of this scene."""
         return (0, 1, 2, 3, 4, 5, 6)[: 5 + self.layers]
 
     # -- derived quantities -------------------------------------------------------------------------

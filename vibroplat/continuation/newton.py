@@ -185,7 +185,7 @@ class Problem:
     ) -> tuple[Chart, FloatArray, list[FloatArray]] | None:
         """Move the section of an orbit to the middle of a piece between events; None if it need not or cannot be.
 
-        See :meth:`vibroplat.continuation.shooting.Shot.far_from_events` for where it goes. Returns the orbit as chart
+        See :meth:`vibroplat.continuation.shooting.Shot.section_time` for where it goes. Returns the orbit as chart
         and unknowns, and the directions carried along it, of length 1.
         """
         when = orbit.shot.section_time(longest=longest)

@@ -48,7 +48,7 @@ UNIT_CIRCLE_MARGIN = 1e-3
 MAX_TANGENT_RATIO = 1e3
 #: Branch points: distance at which slopes are compared to find how b bends, the longest step, in units of the unknowns,
 #: and most steps.
-SLOPE_DISTANCE, MAX_STEP, MAX_STEPS = 1e-3, 1.0, 10
+SLOPE_DISTANCE, MAX_STEP, MAX_CORRECTIONS = 1e-3, 1.0, 10
 #: Largest last step to a branch point, after which no shot is taken: in units of the unknowns, and over the tolerance;
 #: and the largest b, in scaled units.
 STEP_TOLERANCE, STEP_TOLERANCE_RATIO, MAX_BRANCHING = 1e-6, 100.0, 1e-6
@@ -190,7 +190,7 @@ def branch_point(
     result, slopes = at(offset, jacobian)
     nearby = [at(offset + SLOPE_DISTANCE * way, result.jacobian)[1] for way in np.eye(2)]
     bends = np.array([slope - slopes for slope in nearby]) / SLOPE_DISTANCE
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_CORRECTIONS):
         step = np.linalg.lstsq(bends, -slopes, rcond=None)[0]
         way = float(np.linalg.norm(step))
         if not way < MAX_STEP:

@@ -37,7 +37,7 @@ from vibroplat.hybrid.state import (
     state_scales,
 )
 from vibroplat.kernels.compiled import FloatArray, compiled
-from vibroplat.model.parameters import PARAMETERS
+from vibroplat.model.parameters import PARAMETERS, Parameters
 from vibroplat.model.systems import GAP, GAP_RATE, gather, systems
 
 #: Events between two readings of their list. Where steps are read, an engine returns well before that: they are full.
@@ -64,7 +64,7 @@ def automaton(
     event_rows
         Events for which there is room until they are read.
     """
-    kept, runs = np.array([p], PARAMETERS), beginning(scene, turns_per_segment, state, time)
+    kept, runs = np.array([p], PARAMETERS), beginning(scene, turns_per_segment, state, time, p)
     return Automaton(
         p=kept[0],
         run=runs[0],
@@ -77,7 +77,11 @@ def automaton(
 
 
 def beginning(
-    scene: Scene, turns_per_segment: float, state: FloatArray | None = None, time: float = 0.0
+    scene: Scene,
+    turns_per_segment: float,
+    state: FloatArray | None = None,
+    time: float = 0.0,
+    p: Parameters | None = None,
 ) -> npt.NDArray[np.void]:
     """Return the record of a run that begins, one of :data:`vibroplat.hybrid.state.RUN`; see :func:`automaton`."""
     runs = np.zeros(1, RUN)
@@ -85,7 +89,7 @@ def beginning(
     for mode, system in systems(scene).items():
         runs["systems"][0, mode] = system.index
         runs["tolerances"][0, mode, : system.size] = absolute_tolerances(scene, system)
-    begun = initial_state(scene) if state is None else state
+    begun = initial_state(scene, p=p) if state is None else state
     runs["state"][:, : len(begun)] = begun
     runs["now"], runs["end"] = time, time + scene.run.duration_s
     runs["speed"] = speed = scene.speed_scale
@@ -94,7 +98,7 @@ def beginning(
     runs["tolerance"] = scene.solver.tolerance
     runs["force_noise"] = FORCE_NOISE * scene.force_scale
     if scene.transport is not None:
-        runs["force_error"] = force_noise(scene)
+        runs["force_error"] = force_noise(scene, p)
     runs["gap_scale"] = scale = state_scales(scene)[GAP]
     runs["slowest"] = math.sqrt(ROUND_OFF) * scale * speed
     runs["target"] = math.nan

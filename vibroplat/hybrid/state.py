@@ -21,10 +21,13 @@ import numpy.typing as npt
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES, Mode
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Initial
+from vibroplat.errors import ConfigError
 from vibroplat.kernels.compiled import FloatArray, compiled, copy
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.lines import in_lines
 from vibroplat.kernels.polynomial import stretch
-from vibroplat.model.systems import FULL_SIZE, MOVING_SIZE, UNKNOWNS, System
+from vibroplat.model.parameters import Parameters, parameters, plain
+from vibroplat.model.springs import resist
+from vibroplat.model.systems import FULL_SIZE, GAP, MOVING_SIZE, UNKNOWNS, System
 
 #: Steps that one segment may need after its last one: that of chatter, and one to spare.
 MARGIN = 2
@@ -34,6 +37,11 @@ WIDTH = 16
 
 #: Minimum degree of the polynomials, that of chatter.
 CUBIC = 3
+
+#: Places of x, y, φ, y_w1, y_w2 in the full state, and their rates at rest.
+RELATIVE, _STILL = [0, 1, 2, GAP, GAP + 1], (0.0,) * 5
+#: Most of Newton's steps to the static rest; linear springs take one.
+MAX_REST_STEPS = 100
 
 # How a piece continues the previous one.
 AFTER_EVENT, RESTARTED, CUT = range(3)
@@ -130,7 +138,7 @@ _NUMBERS: Any = np.arange(3)
 STALE, CONSISTENT, DIFFERENTIATED = _NUMBERS
 
 #: How many modes there are.
-MODES = len(Mode)
+MODE_COUNT = len(Mode)
 
 #: A run (times in s).
 RUN = np.dtype(
@@ -162,12 +170,12 @@ RUN = np.dtype(
         ("state", np.float64, MOVING_SIZE),  # full state; without transport its last two numbers are 0
         ("turns", np.float64, 2),  # whole turns taken off its exciter angles (rad)
         ("atol", np.float64, UNKNOWNS),  # absolute tolerances of the segment's unknowns
-        ("systems", np.int64, MODES),  # number of the system of each mode; −1 for a mode that the scene does not have
-        ("tolerances", np.float64, (MODES, UNKNOWNS)),  # absolute tolerances of each mode's unknowns
-        ("fresh", np.int64, MODES),  # how far each mode's start is prepared
-        ("y", np.float64, (MODES, UNKNOWNS)),  # start of each mode: unknowns, first and second derivatives
-        ("yp", np.float64, (MODES, UNKNOWNS)),
-        ("ypp", np.float64, (MODES, UNKNOWNS)),
+        ("systems", np.int64, MODE_COUNT),  # number of the system of each mode; −1 for one that the scene does not have
+        ("tolerances", np.float64, (MODE_COUNT, UNKNOWNS)),  # absolute tolerances of each mode's unknowns
+        ("fresh", np.int64, MODE_COUNT),  # how far each mode's start is prepared
+        ("y", np.float64, (MODE_COUNT, UNKNOWNS)),  # start of each mode: unknowns, first and second derivatives
+        ("yp", np.float64, (MODE_COUNT, UNKNOWNS)),
+        ("ypp", np.float64, (MODE_COUNT, UNKNOWNS)),
     ],
     align=True,
 )
@@ -224,7 +232,7 @@ ROUND_OFF = 100.0 * float(np.finfo(float).eps)
 FORCE_NOISE, FORCE_ERROR = 1e-12, 0.05
 
 #: Most halvings of a tolerance in low flights; those lower than 4⁻³⁰ of the scale are not followed.
-MAX_HALVINGS = 30
+MAX_TOLERANCE_HALVINGS = 30
 
 
 def state_scales(scene: Scene) -> FloatArray:
@@ -248,27 +256,27 @@ def absolute_tolerances(scene: Scene, system: System) -> FloatArray:
     return scene.solver.tolerance * atol
 
 
-def force_spread(scene: Scene) -> float:
+def force_spread(scene: Scene, p: Parameters | None = None) -> float:
     """Change of F_c (N) when the state changes by its scales: the effect of state errors on the force.
 
     With layers or motors that are stiff compared with the excitation it is much larger than the forces themselves.
+    ``p`` are the scene's parameters, if they are at hand.
     """
-    machine, scales = scene.machine, scene.state_scales
+    scales = scene.state_scales
     lower, upper = scene.layer_masses
-    stiffness, damping = scene.layer_spring
-    rates = [RATE_TOLERANCE_RATIO * scale for scale in scales[7:]]
-    layers = upper * (stiffness * scales[6] + damping * rates[6])
-    springs = machine.stiffness_y_n_per_m * scales[1] + scene.damping_y * rates[1]
+    rates = [RATE_TOLERANCE_RATIO * scale for scale in scales[7:14]]
+    at, moving = ([values[place] for place in RELATIVE] for values in (scales, rates))
+    resisting = resist(at, moving, plain(parameters(scene) if p is None else p))[0]
     motors = max(scene.unbalances) * scene.fastest_decay * rates[3]
-    return float(scene.force_scale + layers + lower / scene.body.mass * (springs + motors))
+    return float(scene.force_scale + upper * resisting[4] + lower / scene.body.mass * (resisting[1] + motors))
 
 
-def force_noise(scene: Scene) -> float:
+def force_noise(scene: Scene, p: Parameters | None = None) -> float:
     """Contact forces up to this (N) are noise: what errors of the state within the tolerance, or round-off, leave.
 
     At a liftoff F_c has either sign within it. In 400 random scenes F_c was never below zero by more than 5e-5 of it.
     """
-    admitted = min(scene.solver.tolerance * force_spread(scene), FORCE_ERROR * scene.force_scale)
+    admitted = min(scene.solver.tolerance * force_spread(scene, p), FORCE_ERROR * scene.force_scale)
     return max(admitted, FORCE_NOISE * scene.force_scale)
 
 
@@ -282,35 +290,59 @@ def halvings(tolerance: float, height: float, scale: float, sure: bool) -> int:
     ``sure`` says whether the flight is known to stay below ``height`` (m); otherwise a tighter tolerance could fall
     below round-off.
     """
-    share = max(height / scale, 4.0**-MAX_HALVINGS if sure else ROUND_OFF / tolerance)
-    return min(int(-0.5 * math.log2(share)), MAX_HALVINGS) if share < 1.0 else 0
+    share = max(height / scale, 4.0**-MAX_TOLERANCE_HALVINGS if sure else ROUND_OFF / tolerance)
+    return min(int(-0.5 * math.log2(share)), MAX_TOLERANCE_HALVINGS) if share < 1.0 else 0
 
 
-def static_rest(scene: Scene) -> FloatArray:
+def static_rest(scene: Scene, p: Parameters | None = None) -> FloatArray:
     """Full state of platform and material at rest on the static sag, exciters at angle 0.
 
-    y = −(M + m_w) g / c_y and y_w2 = −m_w2 g / c_w, springs being unstressed at 0.
+    ``p`` are the scene's parameters, if they are at hand. Raises ConfigError as :func:`rest_under`.
     """
     state = np.zeros(FULL_SIZE if scene.transport is None else MOVING_SIZE)
     slope, gravity = scene.gravity
     lower, upper = scene.layer_masses
-    state[1] = -(scene.platform_mass + lower + upper) * gravity / scene.machine.stiffness_y_n_per_m
-    if scene.layers == 2:
-        state[6] = -gravity / scene.layer_spring[0]
-    if scene.transport is not None:  # without a spring it does not rest on a slope
-        stiffness = scene.machine.stiffness_x_n_per_m, scene.machine.stiffness_phi_n_m_per_rad
-        loads = scene.platform_mass + lower + upper, -scene.transport.deck_height_m * (lower + upper)
-        state[0], state[2] = (load * slope / k if k else 0.0 for load, k in zip(loads, stiffness, strict=True))
+    total = scene.platform_mass + lower + upper
+    loads = [total * slope, -total * gravity, 0.0, 0.0, -gravity if scene.layers == 2 else 0.0]
+    if scene.transport is not None:
+        loads[2] = -scene.transport.deck_height_m * (lower + upper) * slope
+    state[RELATIVE] = rest_under(loads, parameters(scene) if p is None else p)
     return state
 
 
-def initial_state(scene: Scene, initial: Initial | None = None) -> FloatArray:
+def rest_under(loads: Sequence[float], p: Parameters) -> list[float]:
+    """Find where springs hold forces on x, y (N) and φ (N·m), on y_w1 and, over its mass (m/s²), on y_w2.
+
+    Springs are unstressed at 0. Linear ones, each on its own coordinate, take one step of Newton's method. A coordinate
+    without a spring does not move.
+
+    Raises
+    ------
+    vibroplat.errors.ConfigError
+        The springs do not hold the forces.
+    """
+    numbers, coordinates = plain(p), [0.0] * len(loads)
+    for _ in range(MAX_REST_STEPS):
+        found, slopes = resist(coordinates, _STILL, numbers)
+        held = [i for i in range(len(loads)) if slopes[i][i] != 0.0]
+        missing = [loads[i] - found[i] for i in held]
+        if max(map(abs, missing)) <= ROUND_OFF * max(map(abs, loads)):
+            return coordinates
+        steps = [force / slopes[i][i] for i, force in zip(held, missing, strict=True)]
+        if any(slopes[i][j] != 0.0 for i in held for j in held if i != j):
+            steps = np.linalg.solve([[slopes[i][j] for j in held] for i in held], missing).tolist()
+        for i, step in zip(held, steps, strict=True):
+            coordinates[i] += step
+    raise ConfigError(f"no static rest: the springs do not hold {loads[1]:g} N along y")
+
+
+def initial_state(scene: Scene, initial: Initial | None = None, p: Parameters | None = None) -> FloatArray:
     """Full state, shape (14,), with transport (16,), that ``run.initial`` asks for, or another start of the scene.
 
-    For one that goes on from another run it is static rest.
+    For one that goes on from another run it is static rest. ``p`` are the scene's parameters, if they are at hand.
     """
     initial = initial or scene.run.initial
-    state = static_rest(scene)
+    state = static_rest(scene, p)
     if initial.state is None:
         speeds = scene.synchronous_speeds_at(scene.drive.at(0.0).frequency_at(0.0))
         state[3:5] = initial.angles(scene.phase_weights[1], scene.hanging_angle)

@@ -36,7 +36,7 @@ LAGS = TURN * np.arange(12) / 12
 #: Steps over the time scale of the fastest passage; decay times of the slowest axis, and times to run up, after the
 #: supply's last change; most steps until all has settled, and until starts have passed; a change of speed that gives a
 #: slope, over the synchronous speed.
-STEP, DECAYS, RUN_UPS, MAX_STEPS, PASSING_STEPS, SLIGHT = 0.04, 10.0, 20.0, 20_000, 2_000, 1e-4
+STEP, DECAYS, RUN_UPS, SETTLING_STEPS, PASSING_STEPS, SLIGHT = 0.04, 10.0, 20.0, 20_000, 2_000, 1e-4
 #: Angle by which free vibration of the platform turns against the exciters in a step (rad), at most: it drives their
 #: phase, and with coarser steps it grows where less damping takes it away. By the damping ratio, and its ends.
 TURNED, TURNED_ENDS = 40.0, (0.3, 1.0)
@@ -67,7 +67,7 @@ def averaged_start(
     lag = apart + PERTURBATION + np.broadcast_to(turned, factors.shape)
     lanes: _Lanes = (speeds, np.zeros_like(speeds), lag, *np.zeros((2, count, 3), complex), factors)
     ends, left = speeds.copy(), np.arange(count)
-    step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else MAX_STEPS)
+    step, steps = _steps(scene, PASSING_STEPS if math.isfinite(until) else SETTLING_STEPS)
     slow, last = SETTLED * scene.speed_scale / (steps * step), scene.drive.last_change(math.inf)
     for number in range(steps):
         lanes = _advance(scene, lanes, number * step, step)
@@ -119,7 +119,7 @@ def _steps(scene: Scene, most: int) -> tuple[float, int]:
     torque = float(motor_torques(scene, final_supply(scene), np.array([0.5 * top, 0.5 * top])).sum())
     times = DECAYS / min(decay, 1.0 / step) + RUN_UPS * rotors * top / max(torque, 1e-9 * rotors * top)
     before = math.ceil(max(scene.drive.last_change(math.inf), 0.0) / step)
-    return step, min(before + min(math.ceil(times / step), most), MAX_STEPS)
+    return step, min(before + min(math.ceil(times / step), most), SETTLING_STEPS)
 
 
 def least_factor(scene: Scene) -> tuple[float, float]:

@@ -18,12 +18,14 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input, set_in_vain
 from vibroplat.config.scene import Scene
+from vibroplat.hybrid.state import rest_under
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
 from vibroplat.inspection.linear import ComplexArray
 from vibroplat.inspection.lines import answer, short_lines
 from vibroplat.inspection.material import FOLLOWED, conveying_of, loaded_motion, unique_friction
 from vibroplat.inspection.start import Starts, averaged_start, least_factor, starts_from_rest
+from vibroplat.model.parameters import parameters
 from vibroplat.report.notes import long_flight
 from vibroplat.results.answer import Answer
 
@@ -289,12 +291,12 @@ def _tones(scene: Scene, turning: Turning) -> list[Tone]:
 
 def _statics(scene: Scene) -> dict[str, float]:
     """Find masses, natural frequencies, sag and weight."""
-    mass, load, machine = scene.platform_mass, sum(scene.layer_masses), scene.machine
+    mass, load, p = scene.platform_mass, sum(scene.layer_masses), parameters(scene)
     values = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass, "material_mass_kg": scene.material_mass}
     for prefix, total in {"": mass, **({"loaded_": mass + load} if load else {})}.items():
         weight = total * scene.gravity[1]
         values |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
-        values[f"{prefix}static_sag_m"] = weight / machine.stiffness_y_n_per_m
+        values[f"{prefix}static_sag_m"] = -rest_under((0.0, -weight, 0.0, 0.0, 0.0), p)[1]
     natural = linear.natural_speeds(scene)
     inertia, damping, _ = scene.oscillators
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -12,8 +12,8 @@ from vibroplat.config.coordinates import Mode
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.step_end import statuses
 from vibroplat.kernels.compiled import FloatArray, inlined
-from vibroplat.kernels.vectors import lanes_record
-from vibroplat.model.series import MOTION, MOVING, parameter_rows, room
+from vibroplat.kernels.lanes import lanes_record
+from vibroplat.model.series import MOTION, MOTION_ALONG, parameter_rows, room
 
 #: Motions side by side: their states, and what an engine knows of each. Flags are 1 or 0.
 LANES = MOTION | {
@@ -47,7 +47,7 @@ LANES = MOTION | {
 _WIDE = ("y", "v", "y0", "v0", "a", "weights")
 _QUADS = {f"{name}4": (name, (2, 4)) for name in _WIDE}
 #: The same with transport.
-MOVING_LANES = LANES | MOVING | dict.fromkeys(_WIDE, (12, 1))
+LANES_ALONG = LANES | MOTION_ALONG | dict.fromkeys(_WIDE, (12, 1))
 _MOVING_QUADS = {f"{name}4": (name, (3, 4)) for name in _WIDE}
 
 #: Segments of a motion that nobody reads after which the loop returns to Python; they take some 0.03 s.
@@ -100,7 +100,7 @@ def group_of(automata: Sequence[Automaton], degree: int, max_steps: int, *, keep
         p.ctypes.data,
         p.view(np.float64).reshape(width, -1),
         statuses(width),
-        lanes_record(width, MOVING_LANES if moves else LANES, _MOVING_QUADS if moves else _QUADS),
+        lanes_record(width, LANES_ALONG if moves else LANES, _MOVING_QUADS if moves else _QUADS),
         room(width, moving=moves),
         parameter_rows(width),
         degree,

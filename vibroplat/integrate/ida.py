@@ -17,7 +17,8 @@ from vibroplat.hybrid import loop
 from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME, FAILED, NOT_FINITE
 from vibroplat.hybrid.modes import GUARDS, Form, guard_form
 from vibroplat.hybrid.starts import cut_piece
-from vibroplat.hybrid.state import MARGIN, MODES, ROUND_OFF, RUNNING, Automaton, end_at, rewind
+from vibroplat.hybrid.state import MARGIN, MODE_COUNT, ROUND_OFF, RUNNING, Automaton, end_at, rewind
+from vibroplat.integrate.interface import count_from, count_within_period
 from vibroplat.integrate.multistep import (
     PreviousStep,
     add_step,
@@ -172,8 +173,8 @@ HANDLES = np.dtype([(name, np.int64) for name in ("memory", "y", "yp")], align=T
 
 #: Whether a segment is open, the last flag, what was counted, steps since the time of the run ``counted_from`` (s).
 STATUS = np.dtype(
-    [(name, np.int64) for name in ("open", "flag", "steps", "errors", "newtons", "counted", "max_steps")]
-    + [("counted_from", np.float64)],
+    [(name, np.int64) for name in ("open", "flag", "steps", "errors", "newtons", "max_steps")]
+    + [("counted", np.float64), ("counted_from", np.float64)],
     align=True,
 )
 
@@ -193,7 +194,7 @@ class Native(NamedTuple):
     functions: Any  # a record of FUNCTIONS
     handles: Records  # of HANDLES by mode
     links: Records  # user data of each mode's callbacks
-    y: FloatArray  # what is behind the vectors, shape (MODES, UNKNOWNS)
+    y: FloatArray  # what is behind the vectors, shape (MODE_COUNT, UNKNOWNS)
     yp: FloatArray
     atol: FloatArray
     past: PreviousStep  # the last end of a step
@@ -206,11 +207,11 @@ def empty_records() -> Native:
     """Make what compiled code needs of the engine, empty."""
     return Native(
         functions=np.zeros(1, FUNCTIONS)[0],
-        handles=np.zeros(MODES, HANDLES),
-        links=np.zeros(MODES, LINKS),
-        y=np.zeros((MODES, UNKNOWNS)),
-        yp=np.zeros((MODES, UNKNOWNS)),
-        atol=np.ones((MODES, UNKNOWNS)),
+        handles=np.zeros(MODE_COUNT, HANDLES),
+        links=np.zeros(MODE_COUNT, LINKS),
+        y=np.zeros((MODE_COUNT, UNKNOWNS)),
+        yp=np.zeros((MODE_COUNT, UNKNOWNS)),
+        atol=np.ones((MODE_COUNT, UNKNOWNS)),
         past=empty_step(),
         status=np.zeros(1, STATUS)[0],
         time=np.zeros(1),
@@ -257,8 +258,7 @@ def start(h: Automaton, n: Native) -> bool:
     n.status.flag = call_int(functions.reinit, (handle.memory, 0.0, handle.y, handle.yp))
     call_int(functions.set_first_step, (handle.memory, first_step))
     n.status.open = 1
-    if h.run.origin <= n.status.counted_from:  # the motion has begun, or begun again
-        n.status.counted, n.status.counted_from = 0, h.run.origin
+    n.status.counted, n.status.counted_from = count_from(n.status.counted, n.status.counted_from, h.run.origin)
     n.time[0] = 0.0
     begin_steps(n.past, n.y[mode, :size], n.yp[mode, :size])
     return True
@@ -275,7 +275,7 @@ def advance(h: Automaton, n: Native) -> int:
     until, target, rows = run.until, run.target - run.turns[0], steps.start.size
     starts, lengths, c, ends = steps.start, steps.length, steps.c, steps.ends
     past_t, past_y, past_yp = n.past.t, n.past.y, n.past.yp
-    origin, period, counted_until = run.origin, run.period, status.counted_from + run.period
+    origin, period = run.origin, run.period
     all_y, all_yp = n.y[mode], n.yp[mode]
     y, yp = all_y[:size], all_yp[:size]
     handle = n.handles[mode]
@@ -308,11 +308,9 @@ def advance(h: Automaton, n: Native) -> int:
                 return stop
         if ended:
             return AT_TIME
-        if origin + time[0] >= counted_until:
-            counted_until = origin + time[0] + period
-            status.counted_from = origin + time[0]
-            status.counted = 0
-        elif status.counted > status.max_steps:
+        since = status.counted_from
+        status.counted, status.counted_from = count_within_period(status.counted, since, origin + time[0], period)
+        if status.counted > status.max_steps:
             return FAILED
     if status.flag >= 0:
         return _FULL

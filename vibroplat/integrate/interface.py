@@ -13,11 +13,13 @@ each step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 from vibroplat.columns import COUNT, Column, Columns
+from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import Automaton
-from vibroplat.kernels.compiled import Callee
+from vibroplat.kernels.compiled import Callee, inlined
+from vibroplat.kernels.lanes import select
 
 #: What engines count, in the order of the summary.
 WORK: Columns = {
@@ -27,6 +29,29 @@ WORK: Columns = {
     "error_test_failures": Column("number of steps repeated because of their error"),
     "newton_failures": Column("number of steps repeated because Newton's iteration failed"),
 }
+
+
+#: Steps within a period after which an integrator is taken to be stuck, and those for each event that a scene allows
+#: within a period, where that is more.
+MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
+
+
+def most_steps(scene: Scene) -> int:
+    """Return how many steps within a period an integrator may take."""
+    return max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+
+
+@inlined
+def count_within_period(counted: Any, since: Any, now: Any, period: Any) -> tuple[Any, Any]:
+    """Return what is counted within a period, and since when (s), at a time of the run; numbers, or lanes of them."""
+    over = now - since >= period
+    return select(over, 0.0, counted), select(over, now, since)
+
+
+@inlined
+def count_from(counted: float, since: float, origin: float) -> tuple[float, float]:
+    """Return the same where a segment begins; a motion that has begun, or begun again, counts anew."""
+    return (0.0, origin) if origin <= since else (counted, since)
 
 
 class Engine(Protocol):

@@ -23,9 +23,10 @@ from vibroplat.hybrid.loop import AT_TARGET, FAILED, NOT_FINITE
 from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CONSISTENT, MARGIN, RUNNING, Automaton, Steps, rewind
 from vibroplat.integrate.group import Group, is_due, keeps
+from vibroplat.integrate.interface import count_from, count_within_period
 from vibroplat.integrate.step_end import ERROR_COEFFICIENTS, ON, end_of_step, put_polynomials
 from vibroplat.kernels.compiled import borrow, call_int, compiled, fused, fused_inline, inlined
-from vibroplat.kernels.vectors import (
+from vibroplat.kernels.lanes import (
     Lanes,
     align_stack,
     as_lanes,
@@ -42,9 +43,8 @@ from vibroplat.kernels.vectors import (
     total,
     zero,
 )
-from vibroplat.model.series import ALONG, FORCE, FRICTION, WORDS, expand
-from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SENSE, STICKS
-from vibroplat.model.systems import ALONG as PLACE
+from vibroplat.model.series import ALONG_COLUMN, FORCE_COLUMN, FRICTION_COLUMN, WORDS, expand
+from vibroplat.model.systems import ALGEBRAIC, ALONG, ALONG_RATE, DIFFERENTIAL, LAYERS, SENSE, SERIES_COLUMNS, STICKS
 
 #: Largest difference of accelerations at the end of a step, times its length over its degree, in tolerances of rates.
 MAX_DEFECT = 5.0
@@ -131,7 +131,7 @@ def start_moving(h: Automaton, g: Group, lane: int, moving: Any) -> None:
     run, s = h.run, g.lanes
     system = run.systems[run.mode]
     if moving is not None:
-        s.y[ALONG, lane], s.v[ALONG, lane] = run.state[PLACE], run.state[PLACE + 1]
+        s.y[ALONG_COLUMN, lane], s.v[ALONG_COLUMN, lane] = run.state[ALONG], run.state[ALONG_RATE]
         s.stuck[lane] = 1.0 if STICKS[system] else 0.0
         s.sliding[lane] = h.p.kinetic_friction * SENSE[system]
         s.slope[lane], s.height[lane], s.share[lane] = h.p.slope, h.p.deck_height, h.p.material_share
@@ -143,10 +143,10 @@ def start(h: Automaton, g: Group, lane: int) -> None:
     run, s = h.run, g.lanes
     system = run.systems[run.mode]
     n, layers = DIFFERENTIAL[system] // 2, LAYERS[system]
-    for i in range(FORCE):
-        s.y[i, lane], s.v[i, lane], s.weights[i, lane] = run.state[i], run.state[FORCE + i], 0.0
+    for i in range(FORCE_COLUMN):
+        s.y[i, lane], s.v[i, lane], s.weights[i, lane] = run.state[i], run.state[FORCE_COLUMN + i], 0.0
     for i in range(n):
-        s.weights[COLUMNS[system, i], lane] = 1.0 / run.atol[n + i]
+        s.weights[SERIES_COLUMNS[system, i], lane] = 1.0 / run.atol[n + i]
     s.force_weight[lane] = 1.0 / run.atol[2 * n] if ALGEBRAIC[system] else 0.0
     s.attached[lane] = 1.0 if ALGEBRAIC[system] else 0.0
     s.flying[lane] = 1.0 if layers > 0 and not ALGEBRAIC[system] else 0.0
@@ -156,8 +156,7 @@ def start(h: Automaton, g: Group, lane: int) -> None:
     s.cap[lane], s.pending[lane], s.target[lane] = _LONG, 0.0, run.target - run.turns[0]
     s.period[lane], s.safe_rotation[lane] = run.period, h.p.safe_rotation
     g.status[lane].open, g.status[lane].before = 1, 0.0
-    if run.origin <= s.counted_from[lane]:  # the motion has begun, or begun again
-        s.counted[lane], s.counted_from[lane] = 0.0, run.origin
+    s.counted[lane], s.counted_from[lane] = count_from(s.counted[lane], s.counted_from[lane], run.origin)
     for i in range(WORDS):
         g.rows.words[i, lane] = g.words[lane, i]
 
@@ -180,7 +179,8 @@ def largest(quad: Any) -> Lanes:
 def confirm(g: Group, s: Any, r: Any) -> None:
     """Confirm the last steps by the accelerations and F_c that the next series begin with, or take them back."""
     quads = r.quads
-    share, worst, sums = s.length * (1.0 / g.degree), size(s.y[FORCE] - r.q[0, FORCE]) * s.force_weight, zero(s.length)
+    share, sums = s.length * (1.0 / g.degree), zero(s.length)
+    worst = size(s.y[FORCE_COLUMN] - r.q[0, FORCE_COLUMN]) * s.force_weight
     for i in range(quads_of(g.moving)):
         worst = greater(worst, largest(size(s.a4[i] - 2.0 * quads[2, i]) * s.weights4[i]) * share)
         sums += total(total(quads[2, i]))
@@ -202,8 +202,7 @@ def confirm(g: Group, s: Any, r: Any) -> None:
     for lane in range(g.status.size):
         if g.lanes.pending[lane] > 0.5:
             attend(g, lane, _ADD)
-    over = s.t - s.counted_from >= s.period
-    s.counted, s.counted_from = select(over, 0.0, s.counted), select(over, s.t, s.counted_from)
+    s.counted, s.counted_from = count_within_period(s.counted, s.counted_from, s.t, s.period)
 
 
 @inlined
@@ -226,12 +225,12 @@ def write_step(h: Automaton, g: Group, lane: int, row: int) -> None:
     n = DIFFERENTIAL[system] // 2
     steps.start[row], steps.length[row] = s.done0[lane], s.length[lane]
     for i in range(n):
-        column = COLUMNS[system, i]
+        column = SERIES_COLUMNS[system, i]
         steps.ends[row, i], steps.ends[row, n + i] = s.y[column, lane], s.v[column, lane]
     if ALGEBRAIC[system]:
-        steps.ends[row, 2 * n] = s.y[FORCE, lane]
+        steps.ends[row, 2 * n] = s.y[FORCE_COLUMN, lane]
         if g.moving is not None:
-            steps.ends[row, 2 * n + 1] = s.y[FRICTION, lane]
+            steps.ends[row, 2 * n + 1] = s.y[FRICTION_COLUMN, lane]
 
 
 @fused_inline
@@ -241,7 +240,7 @@ def longest_step(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> Lanes:
     # rates have k times the coefficient of their coordinate of order k, and the exponent of F_c before it
     first, second = last_size(s, q, quads, degree, moving), last_size(s, q, quads, degree - 1, moving)
     third, fourth = last_size(s, q, quads, degree - 2, moving), last_size(s, q, quads, degree - 3, moving)
-    fifth = size(q[at(degree - ERROR_COEFFICIENTS - 1), FORCE]) * s.force_weight
+    fifth = size(q[at(degree - ERROR_COEFFICIENTS - 1), FORCE_COLUMN]) * s.force_weight
     shares = four(
         none + 1.0 / (degree - 1.0),
         none + 1.0 / (degree - 2.0),
@@ -260,7 +259,7 @@ def last_size(s: Any, q: Any, quads: Any, k: int, moving: Any) -> Lanes:
     coordinates = greater(first, second)
     if moving is not None:
         coordinates = greater(coordinates, size(quads[i, 2]) * s.weights4[2])
-    return greater(float(k) * largest(coordinates), size(q[at(k - 1), FORCE]) * s.force_weight)
+    return greater(float(k) * largest(coordinates), size(q[at(k - 1), FORCE_COLUMN]) * s.force_weight)
 
 
 @fused_inline
@@ -275,7 +274,7 @@ def may_end(s: Any, q: Any, degree: int, h: Lanes) -> Any:
     turned, faster, slower = none, none, none
     for k in range(1, degree + 1):
         i = at(k)
-        c = select(attached, q[i, FORCE], q[i, 5]) * power
+        c = select(attached, q[i, FORCE_COLUMN], q[i, 5]) * power
         sizes, down = sizes + size(c), down + lesser(c, 0.0)
         if k > degree - ERROR_COEFFICIENTS - 2:
             rest += size(c)
@@ -284,7 +283,7 @@ def may_end(s: Any, q: Any, degree: int, h: Lanes) -> Any:
         faster += size(q[at(k + 1), 3]) * following
         slower += size(q[at(k + 1), 4]) * following
         power *= h
-    first = select(attached, q[0, FORCE], q[0, 5])
+    first = select(attached, q[0, FORCE_COLUMN], q[0, 5])
     falls = (first <= sizes + rest) & (first + down - rest <= 0.0) & (s.attached + s.flying > 0.5)
     stops = (size(s.v[3]) <= faster) | (size(s.v[4]) <= slower)
     return falls | stops | (s.y[3] + 2.0 * turned >= s.target)
@@ -344,7 +343,7 @@ def round_off(s: Any, q: Any, quads: Any, degree: int, moving: Any) -> Lanes:
     """Sum up the sizes of the terms that make the accelerations and F_c at the ends of the steps, in tolerances."""
     length, force, worst = s.length, zero(s.length), zero(s.length)
     for k in range(degree, -1, -1):
-        force = force * length + size(q[at(k), FORCE])
+        force = force * length + size(q[at(k), FORCE_COLUMN])
     for i in range(quads_of(moving)):
         terms = zero(s.y4[i])
         for k in range(degree, 1, -1):
@@ -364,7 +363,7 @@ def look_at_end(h: Automaton, g: Group, lane: int) -> None:
     row = h.steps.used.steps if keeps(h, g) else (1 if status.before > 0.0 else 0)
     if s.singly[lane] > 1.5 or s.counted[lane] > g.max_steps:
         finite = True
-        for i in range(FORCE):
+        for i in range(FORCE_COLUMN):
             finite = finite and abs(g.room.q[2, i, lane]) < np.inf
         s.pending[lane] = s.singly[lane] = 0.0
         status.open, status.short = 0, 1 if finite else 0
@@ -431,19 +430,19 @@ def agrees(h: Automaton, g: Group, lane: int) -> bool:
     s, status, system = g.lanes, g.status[lane], h.run.systems[h.run.mode]
     n, y, yp = DIFFERENTIAL[system] // 2, g.status[lane].y, g.status[lane].yp
     for i in range(n):
-        column = COLUMNS[system, i]
+        column = SERIES_COLUMNS[system, i]
         y[i], y[n + i] = s.y[column, lane], s.v[column, lane]
     addresses = (y.ctypes.data, yp.ctypes.data, status.ypp.ctypes.data)
     if call_int(h.start, (system, s.t[lane], *addresses, h.parameters, CONSISTENT)) == 0:
         return False
     worst = 0.0
     for i in range(n):
-        column = COLUMNS[system, i]
+        column = SERIES_COLUMNS[system, i]
         difference = abs(s.a[column, lane] - yp[n + i])
         if not difference < np.inf:
             return False
         worst = max(worst, difference * s.weights[column, lane])
     worst *= s.length[lane] / g.degree
     if ALGEBRAIC[system]:
-        worst = max(worst, abs(s.y[FORCE, lane] - y[2 * n]) * s.force_weight[lane])
+        worst = max(worst, abs(s.y[FORCE_COLUMN, lane] - y[2 * n]) * s.force_weight[lane])
     return worst <= max(MAX_DEFECT, s.noise[lane])

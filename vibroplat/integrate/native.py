@@ -22,16 +22,11 @@ from vibroplat.hybrid.loop import automaton
 from vibroplat.hybrid.modes import GUARDS
 from vibroplat.hybrid.state import CUBIC, OK, Automaton, empty_steps
 from vibroplat.integrate import ida
+from vibroplat.integrate.interface import most_steps
 from vibroplat.integrate.sundials import Library, UnavailableError, library
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, quick_call
 from vibroplat.model.parameters import Parameters, parameters, record_address
 from vibroplat.model.systems import System, systems
-
-#: Steps between two returns to Python: many against what a return costs, few against the processor's cache.
-ROWS = 2048
-#: Steps within a turn of the synchronous speed after which the integrator is taken to be stuck, and those for each
-#: event that a scene allows within a turn, where that is more.
-MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 # How IDA chooses its steps. Means over nine tolerances around 1e-6, in contact and with 50 impacts a second.
 # What does not pay: a first step half or a quarter as long makes errors 1.06 and 0.98 times as large, over 300 random
@@ -75,7 +70,8 @@ class NativeEngine:
     """
 
     name = "native"
-    rows, degree = ROWS, CUBIC
+    #: Many steps against what a return to Python costs, few against the processor's cache.
+    rows, degree = 2048, CUBIC
     #: Long, for a restart costs some thirty steps; not for ever, for angles lose digits as they grow.
     turns_per_segment: float = 1000
 
@@ -89,7 +85,7 @@ class NativeEngine:
         self._n = ida.empty_records()
         for name, function in ida.NAMES.items():
             self._n.functions[name] = library.address(function)
-        self._n.status["max_steps"] = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+        self._n.status["max_steps"] = most_steps(scene)
         self._direction = np.array([-1], dtype=np.int32)
         self._context = self._make_context()
         for mode, system in systems(scene).items():

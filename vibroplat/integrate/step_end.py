@@ -10,12 +10,12 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TARGET, AT_TIME
 from vibroplat.hybrid.modes import COUNTS, GUARDS, guard_form
 from vibroplat.hybrid.state import WIDTH, Automaton
 from vibroplat.kernels.compiled import FloatArray, compiled, inlined
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.lanes import Lanes, four, join, load_8, store
+from vibroplat.kernels.lines import in_lines
 from vibroplat.kernels.polynomial import MAX_DEGREE, crossing, first_downcrossing
-from vibroplat.kernels.rows import sizes_16
-from vibroplat.kernels.vectors import Lanes, four, join, load_8, store
-from vibroplat.model.series import FORCE, FRICTION
-from vibroplat.model.systems import ALGEBRAIC, COLUMNS, DIFFERENTIAL, LAYERS, SLIDES, UNKNOWNS
+from vibroplat.kernels.rows_of_16 import sizes_16
+from vibroplat.model.series import FORCE_COLUMN, FRICTION_COLUMN
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, SERIES_COLUMNS, SLIDES, UNKNOWNS
 
 #: Coefficients at the end of a series that choose its step. Kloss' torque has complex poles, which let pairs of them
 #: vanish by turns: of the last two, an error of 1e-6 becomes 2e-5.
@@ -96,7 +96,7 @@ def put_step(q: FloatArray, lane: int, degree: int, length: float, n: int, shift
         if shifted:
             c[k, 5], c[k, 11] = power * q[k, 6, lane], rate * q[k + 1, 6, lane]
         if 2 * n < c.shape[1]:  # in flight with transport, all columns are coordinates and rates
-            c[k, 2 * n] = power * q[k, FORCE, lane]
+            c[k, 2 * n] = power * q[k, FORCE_COLUMN, lane]
         power *= length
 
 
@@ -116,12 +116,12 @@ def put_sliding(q: FloatArray, lane: int, degree: int, length: float, system: in
     for k in range(degree + 1):
         rate = power * (k + 1.0)
         for i in range(5, n):
-            column = COLUMNS[system, i]
+            column = SERIES_COLUMNS[system, i]
             c[k, i], c[k, n + i] = power * q[k, column, lane], rate * q[k + 1, column, lane]
         for i in range(5):
             c[k, n + i] = rate * q[k + 1, i, lane]
         if ALGEBRAIC[system]:
-            c[k, 2 * n], c[k, 2 * n + 1] = power * q[k, FORCE, lane], power * q[k, FRICTION, lane]
+            c[k, 2 * n], c[k, 2 * n + 1] = power * q[k, FORCE_COLUMN, lane], power * q[k, FRICTION_COLUMN, lane]
         power *= length
 
 

@@ -21,7 +21,7 @@ from vibroplat.hybrid.loop import AT_GUARD, AT_TIME, FAILED, NOT_FINITE, begin_s
 from vibroplat.hybrid.modes import COUNTS, guard_value
 from vibroplat.hybrid.starts import cut_piece
 from vibroplat.hybrid.state import CUBIC, MARGIN, ROUND_OFF, Automaton, rewind
-from vibroplat.integrate.interface import WORK
+from vibroplat.integrate.interface import WORK, count_from, count_within_period
 from vibroplat.integrate.multistep import begin_steps, empty_step, limit_force_slopes, prepare_first_step, transcribe
 from vibroplat.kernels.compiled import NOWHERE, Callee, FloatArray
 from vibroplat.model.equations import jacobian as fill_jacobian
@@ -55,22 +55,25 @@ class _GivenUpError(ArithmeticError):
 
 @dataclass
 class _Budget:
-    """Residual calls left within a period; apart from the engine, so that callbacks make no reference cycle."""
+    """Residual calls within a period; apart from the engine, so that callbacks make no reference cycle."""
 
     period: float = math.inf
-    left: int = MAX_CALLS
     origin: float = 0.0
+    counted: float = 0.0
     since: float = 0.0
     reached: float = 0.0
+
+    def begin(self, origin: float, period: float) -> None:
+        """Begin a segment at a time of the run."""
+        self.origin, self.period, self.reached = origin, period, 0.0
+        self.counted, self.since = count_from(max(self.counted - CALLS_PER_SEGMENT, 0.0), self.since, origin)
 
     def count(self, t: float) -> None:
         """Count a call at a time of the segment; raises where there are more than any segment or period needs."""
         self.reached = max(self.reached, t)
-        self.left -= 1
-        if self.left < 0:
-            if self.origin + t - self.since < self.period:
-                raise _GivenUpError(FAILED, f"SUNDIALS: more than {MAX_CALLS} residual calls within a period")
-            self.left, self.since = MAX_CALLS, self.origin + t
+        self.counted, self.since = count_within_period(self.counted + 1.0, self.since, self.origin + t, self.period)
+        if self.counted > MAX_CALLS:
+            raise _GivenUpError(FAILED, f"SUNDIALS: more than {MAX_CALLS} residual calls within a period")
 
 
 class _Ends(NamedTuple):
@@ -146,14 +149,13 @@ class SundaeEngine:
         system = SYSTEMS[run["systems"][mode]]
         start, slope = run["y"][mode, : system.size].copy(), run["yp"][mode, : system.size].copy()
         integrator = self._integrator(system, run["atol"][: system.size].copy(), first_step)
-        budget.left = min(budget.left + CALLS_PER_SEGMENT, MAX_CALLS)
-        budget.period, budget.origin, budget.reached = float(run["period"]), float(run["origin"]), 0.0
+        budget.begin(float(run["origin"]), float(run["period"]))
         result = None
         try:
             result = self._solve(integrator, float(run["until"]), start, slope)
         except _GivenUpError as error:
             stop, self.detail = error.stop, error.detail
-            until, budget.left = RETAINED_FRACTION * budget.reached, MAX_CALLS
+            until, budget.counted = RETAINED_FRACTION * budget.reached, 0.0
             if until > 0.0:  # what there was until shortly before
                 with suppress(_GivenUpError):
                     result = self._solve(integrator, until, start, slope)

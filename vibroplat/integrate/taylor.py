@@ -15,7 +15,7 @@ import numpy as np
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import Automaton
 from vibroplat.integrate.group import Group, group_of
-from vibroplat.integrate.interface import WORK
+from vibroplat.integrate.interface import WORK, most_steps
 from vibroplat.integrate.lockstep import run_lanes
 from vibroplat.kernels.compiled import Address, Callee, address_of, call_kernel, compiled, quick_call
 from vibroplat.kernels.polynomial import MAX_DEGREE
@@ -25,10 +25,6 @@ from vibroplat.model.parameters import Parameters
 #: 14 to 22 take equal times within a tenth at this tolerance, and higher ones at tighter tolerances.
 DEGREE, DEGREES_PER_DECADE = 17, 1.5
 MIN_DEGREE = 10
-
-#: Steps within a period after which the integrator is taken to be stuck, and those for each event that a scene allows
-#: within a period, where that is more.
-MAX_STEPS, STEPS_PER_EVENT = 300_000, 60
 
 
 def degree_of(tolerance: float) -> int:
@@ -47,7 +43,7 @@ class TaylorEngine:
 
     def __init__(self, scene: Scene, p: Parameters) -> None:
         self.degree = degree_of(scene.solver.tolerance)
-        self.max_steps = max(MAX_STEPS, STEPS_PER_EVENT * scene.solver.max_events_per_period)
+        self.max_steps = most_steps(scene)
         self._p = p  # not a copy: a drive's program changes it in place
         self._h: Automaton | None = None
         self._carry = quick_call(carry)

@@ -6,8 +6,8 @@ Two rows are subtracted from all others at a time, so each row is loaded and sto
 from __future__ import annotations
 
 from vibroplat.kernels.compiled import FloatArray, fused, fused_inline, inlined
+from vibroplat.kernels.lanes import load_8, load_16, store, zero
 from vibroplat.kernels.linear import pivot_row
-from vibroplat.kernels.vectors import load_8, load_16, store, zero
 
 #: Numbers of a row that are reduced at once.
 LANE = 16

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused, fused_inline
-from vibroplat.kernels.vectors import Lanes, greater, lesser, select, size, some, zero
+from vibroplat.kernels.lanes import Lanes, greater, lesser, select, size, some, zero
 
 #: Halvings until a fraction of a step is found to round-off.
 HALVINGS = 54

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroplat.kernels.compiled import fused_inline
-from vibroplat.kernels.vectors import Lanes, join, nearest, part, select, size
+from vibroplat.kernels.lanes import Lanes, join, nearest, part, select, size
 
 
 @fused_inline

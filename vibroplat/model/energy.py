@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.lanes import Lanes, size, some, zero
 from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.sines import sine_cosine
-from vibroplat.kernels.vectors import Lanes, size, some, zero
 from vibroplat.model import balances
 from vibroplat.model.motor import both, resistances
 from vibroplat.model.parameters import Parameters

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
+from vibroplat.kernels.lanes import Lanes, Pair, join, select
 from vibroplat.kernels.on_demand import written
-from vibroplat.kernels.vectors import Lanes, Pair, join, select
 from vibroplat.model import straight
 from vibroplat.model.parameters import Parameters
 
@@ -21,14 +21,6 @@ def both(numbers: FloatArray) -> Pair:
 def sense_of(x: Lanes) -> Lanes:
     """Sense of a number, ±1; 0 for none."""
     return select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0))
-
-
-@inlined
-def slip_speeds(i: int, t: float, speed: float, p: Parameters) -> tuple[float, float]:
-    """Slip speed and critical slip speed of exciter i's motor at a time and a speed (rad/s)."""
-    elapsed = t - p.since
-    synchronous = p.speed[i] + p.speed_ramp[i] * elapsed
-    return synchronous - p.direction[i] * speed, p.slip_speed[i] + p.slip_ramp[i] * elapsed
 
 
 @compiled

@@ -7,6 +7,7 @@ any type of number in its fields: with complex ones they give derivatives (:mod:
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -84,6 +85,11 @@ def record_words(p: Parameters) -> FloatArray:
     """View a record, whole, as numbers of 8 bytes: to copy it, which is slow field by field."""
     view: FloatArray = np.asarray(p).reshape(1).view(np.float64)
     return view
+
+
+def plain(p: Parameters) -> SimpleNamespace:
+    """Return the fields of a record as numbers of Python, which it reads far faster."""
+    return SimpleNamespace(**dict(zip(PARAMETERS.names or (), p.tolist(), strict=True)))
 
 
 def record_address(p: Parameters) -> int:

@@ -25,7 +25,7 @@ PAIRS, SINGLES = 12, 10
 #: The kernel, with places for what is written: statements before the loop over orders, and inside of it.
 _KERNEL = """
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import align_stack, at, four, join, part, select, some, total, zero
+from vibroplat.kernels.lanes import align_stack, at, four, join, part, select, some, total, zero
 from vibroplat.model.motor import both, sense_of
 from vibroplat.model.platform import compliance, couplings, mobility, solve_rows
 from vibroplat.model.series import SHARE

@@ -5,7 +5,7 @@ The coefficients of order k of all accelerations and of F_c solve the dynamic ro
 comes from lower orders. This is the index-reduced DAE itself with F_c as an unknown of every order. The recurrences are
 written by :mod:`vibroplat.model.recurrences`; ``python -m vibroplat.model.written`` prints them.
 
-One source serves one motion and several side by side (:mod:`vibroplat.kernels.vectors`). The mode is data, not a
+One source serves one motion and several side by side (:mod:`vibroplat.kernels.lanes`). The mode is data, not a
 branch, so that motions in contact and in flight may stand beside each other. What is computed for each exciter is
 computed for both at once.
 
@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 
 from vibroplat.kernels.compiled import fused, fused_inline
+from vibroplat.kernels.lanes import lanes_record
 from vibroplat.kernels.on_demand import written
 from vibroplat.kernels.polynomial import MAX_DEGREE
-from vibroplat.kernels.vectors import lanes_record
 from vibroplat.model import recurrences
 from vibroplat.model.parameters import PARAMETERS, Parameters
 
 #: Column of F_c among the coefficients; before it stand the seven coordinates of the full state.
-FORCE = 7
+FORCE_COLUMN = 7
 
 _ROWS = MAX_DEGREE + 2
 
@@ -40,7 +40,7 @@ MOTION = {"y": (8, 1), "v": (8, 1), "t": (1,), "attached": (1,), "flying": (1,),
 
 #: Where a series is formed. ``q`` has the coefficients in powers of time (SI units), coordinates and F_c, which has two
 #: orders less. Then the factors of products, of both exciters and of the platform.
-ROOM = (
+SERIES = (
     {"q": (_ROWS, 8, 1)}
     | {f"pair_{i}": (_ROWS, 2) for i in range(recurrences.PAIRS)}
     | {f"single_{i}": (_ROWS, 1) for i in range(recurrences.SINGLES)}
@@ -50,11 +50,12 @@ QUADS = {"quads": ("q", (_ROWS, 2, 4))}
 
 #: The same with transport: the mode has besides whether the material sticks and μ_k σ where it slips, g_x, h, and one
 #: over m_w; column 8 is that of s, column 9 that of F_t, with two orders less, and two more make whole vectors.
-MOVING = MOTION | {"y": (12, 1), "v": (12, 1)} | dict.fromkeys(("stuck", "sliding", "slope", "height", "share"), (1,))
-MOVING_ROOM, MOVING_QUADS = ROOM | {"q": (_ROWS, 12, 1)}, {"quads": ("q", (_ROWS, 3, 4))}
+MOTION_ALONG = MOTION | {"y": (12, 1), "v": (12, 1)}
+MOTION_ALONG |= dict.fromkeys(("stuck", "sliding", "slope", "height", "share"), (1,))
+SERIES_ALONG, QUADS_ALONG = SERIES | {"q": (_ROWS, 12, 1)}, {"quads": ("q", (_ROWS, 3, 4))}
 
 #: Columns of s and F_t.
-ALONG, FRICTION = 8, 9
+ALONG_COLUMN, FRICTION_COLUMN = 8, 9
 
 #: The parameters of a series, the first of :data:`vibroplat.model.parameters.PARAMETERS`, and all of them as rows.
 _NAMES = (PARAMETERS.names or ())[: (PARAMETERS.names or ()).index("restitution")]
@@ -64,7 +65,7 @@ WORDS = sum(PARAMETERS[name].itemsize for name in _NAMES) // 8
 
 def room(width: int = 1, *, moving: bool = False) -> Any:
     """Make room for the series of so many motions, with transport or without."""
-    return lanes_record(width, MOVING_ROOM if moving else ROOM, MOVING_QUADS if moving else QUADS)
+    return lanes_record(width, SERIES_ALONG if moving else SERIES, QUADS_ALONG if moving else QUADS)
 
 
 def parameter_rows(width: int = 1) -> Any:
@@ -76,8 +77,8 @@ def parameter_rows(width: int = 1) -> Any:
 def expand(motion: Any, degree: int, room: Any, p: Parameters, moving: Any) -> None:
     """Fill ``room.q`` with the coefficients of motions at their states, coordinates to this degree, F_c to degree − 2.
 
-    All records are those of lanes: a :data:`MOTION`, a :data:`ROOM` and :data:`PARAMETER_ROWS`. The degree is from 2 to
-    MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
+    All records are those of lanes: a :data:`MOTION`, a :data:`SERIES` and :data:`PARAMETER_ROWS`. The degree is from 2
+    to MAX_DEGREE. Where an exciter is at rest, its resistance is that of the sense in which it is about to turn.
 
     With transport (``moving`` is not None) an order is first solved without friction, which the mode's law then adds.
     """

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, copy, fused_inline
-from vibroplat.kernels.vectors import Lanes
+from vibroplat.kernels.lanes import Lanes
 from vibroplat.model.impact import chatter_map, impact, impulse_response
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.platform import Compliance, Five, Solution, compliance, mobility, solve_platform, unbalances

@@ -7,7 +7,11 @@ the steps of the variational equations take slopes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import SimpleNamespace
 from typing import Any
+
+import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, inlined
 from vibroplat.kernels.on_demand import as_written, written
@@ -54,7 +58,38 @@ def curved_means(
     """
 
 
-@as_written
+@inlined
+@written(balances.pulls_beyond)
+def add_pulls_beyond(
+    samples: FloatArray, row: int, system: int, quantities: FloatArray, first: int, p: Parameters
+) -> None:
+    """Add what forces into the foundation and their moment are beyond the slopes to columns ``first`` on of a row."""
+
+
+@inlined
+@written(balances.between_layers)
+def between_layers(y: FloatArray, system: int, p: Parameters) -> float:  # type: ignore[empty-body]
+    """Evaluate the force between the layers over the upper one's mass (m/s²)."""
+
+
 @written(balances.foundation_forces)
-def foundation_forces(x: Any, y: Any, x_rate: Any, y_rate: Any, p: Parameters) -> tuple[Any, Any]:  # type: ignore[empty-body]
-    """Evaluate the forces of springs and dampers into the foundation along x and y (N), arrays or numbers."""
+def forces_into_foundation(  # type: ignore[empty-body]
+    x: Any, y: Any, phi: Any, x_rate: Any, y_rate: Any, phi_rate: Any, p: Parameters
+) -> tuple[Any, Any, Any]:
+    """Evaluate the forces of springs and dampers into the foundation along x and y (N), and their moment (N·m)."""
+
+
+#: The same as a kernel, and for arrays and numbers of Python.
+foundation_forces_at = inlined(forces_into_foundation)
+foundation_forces: Any = as_written(forces_into_foundation)
+
+#: Whether these three are not linear in coordinates and rates.
+BENT = np.array(balances.bent())
+
+
+@as_written
+@written(balances.resist)
+def resist(  # type: ignore[empty-body]
+    q: Sequence[float], v: Sequence[float], p: SimpleNamespace
+) -> tuple[Relative, tuple[Relative, ...]]:
+    """Evaluate what resists the relative coordinates, and its slopes by them, with plain parameters."""

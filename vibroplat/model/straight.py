@@ -27,7 +27,7 @@ from vibroplat.model.graph import (
 from vibroplat.model.source import P, Rows, equations, motor, resistance, unknowns
 
 #: Coordinates: their places among those of a system, and what a system must have to have them.
-PLACES = {
+PLACE_TEXTS = {
     "x": ("0", ""),
     "y": ("1", ""),
     "phi": ("2", ""),
@@ -38,10 +38,10 @@ PLACES = {
     "along": ("n - 1", "slides"),
 }
 #: Rows, alike.
-ROWS = {name: (f"n + {place}", condition) for name, (place, condition) in PLACES.items()}
-ROWS |= {"gap": ("lower", "layers > 0"), "law": ("2 * n + 1", "touches")}
+ROW_TEXTS = {name: (f"n + {place}", condition) for name, (place, condition) in PLACE_TEXTS.items()}
+ROW_TEXTS |= {"gap": ("lower", "layers > 0"), "law": ("2 * n + 1", "touches")}
 #: Forces of contact, alike.
-FORCES = {"force": ("2 * n", "contact"), "friction": ("2 * n + 1", "touches")}
+FORCE_TEXTS = {"force": ("2 * n", "contact"), "friction": ("2 * n + 1", "touches")}
 FRICTION = symbol("friction")
 
 _HEAD = """
@@ -61,6 +61,8 @@ _SYSTEM = """
 _SIGNS = {"sum": "+", "difference": "-", "product": "*"}
 _CALLS = {"sine": "np.sin({})", "cosine": "np.cos({})", "inverse": "0.0 if {0} == 0.0 else 1.0 / ({0})"}
 _CALLS |= {"sense": "np.copysign(1.0, {})", "negative": "-{}"}
+#: The same for arrays of Python.
+OF_ARRAYS = _CALLS | {"inverse": "np.where({0} == 0.0, 0.0, 1.0 / np.where({0} == 0.0, 1.0, {0}))"}
 #: The same for lanes.
 _OF_LANES = {
     "inverse": "select({0} == 0.0, 0.0, 1.0 / ({0}))",
@@ -164,11 +166,11 @@ def loads(values: Iterable[Node]) -> Iterator[str]:
     """Write where the unknowns that are needed come from."""
     needed = {n.args[0] for n in in_order(values) if n.op in ("symbol", "local")}
     for letter, where in _UNKNOWNS.items():
-        for name, (place, condition) in PLACES.items():
+        for name, (place, condition) in PLACE_TEXTS.items():
             if f"{letter}_{name}" in needed:
                 otherwise = f" if {condition} else 0.0" if condition else ""
                 yield f"    {letter}_{name} = {where.format(place)}{otherwise}"
-    for name, (place, condition) in FORCES.items():
+    for name, (place, condition) in FORCE_TEXTS.items():
         if name in needed:
             yield f"    {name} = y[{place}] if {condition} else 0.0"
     if "elapsed" in needed:
@@ -188,7 +190,7 @@ def write(head: str, outputs: list[Output], *before: str) -> str:
 def all_rows() -> str:
     """Write F(t, y, y′)."""
     found = of_one(traced()[0])
-    outputs = [Output(ROWS[name][1], f"res[{ROWS[name][0]}]", row) for name, row in found.items()]
+    outputs = [Output(ROW_TEXTS[name][1], f"res[{ROW_TEXTS[name][0]}]", row) for name, row in found.items()]
     kinematic = "    for i in range(n):", "        res[i] = yp[i] - y[n + i]"
     return write("all_rows(system, t, y, yp, res, p)", outputs, *kinematic)
 
@@ -197,11 +199,11 @@ def dynamic_jacobian() -> str:
     """Write the dynamic rows of ∂F/∂y + c_j ∂F/∂y′."""
     outputs, cj = [], local("cj")
     for name, row in of_one(traced()[0]).items():
-        (place, has), columns = ROWS[name], []
-        for other, (column, condition) in PLACES.items():
+        (place, has), columns = ROW_TEXTS[name], []
+        for other, (column, condition) in PLACE_TEXTS.items():
             q, v, a = (derivative(row, symbol(f"{letter}_{other}")) for letter in "qva")
             columns += [(column, condition, q), (f"n + {column}", condition, v + cj * a)]
-        columns += [(column, condition, derivative(row, symbol(f))) for f, (column, condition) in FORCES.items()]
+        columns += [(column, condition, derivative(row, symbol(f))) for f, (column, condition) in FORCE_TEXTS.items()]
         for column, condition, value in columns:
             if not value.is_zero:
                 both = " and ".join(filter(None, dict.fromkeys((has, condition))))
@@ -214,8 +216,8 @@ def mass_matrix() -> str:
     """Write what multiplies the n accelerations in the dynamic rows without that of F_c."""
     outputs = []
     for name, row in of_one(traced()[0]).items():
-        place, has = PLACES.get(name, ("", "never"))
-        for other, (column, condition) in PLACES.items():
+        place, has = PLACE_TEXTS.get(name, ("", "never"))
+        for other, (column, condition) in PLACE_TEXTS.items():
             value = derivative(row, symbol(f"a_{other}"))
             if not value.is_zero and has != "never":
                 both = " and ".join(filter(None, dict.fromkeys((has, condition))))
@@ -226,7 +228,7 @@ def mass_matrix() -> str:
 
 def at_rest(n: Node, letters: str) -> Node:
     """Return a node where coordinates (q), rates (v) or accelerations (a) and forces of contact are 0."""
-    absent = [f"{letter}_{name}" for name in PLACES for letter in letters] + [*FORCES]
+    absent = [f"{letter}_{name}" for name in PLACE_TEXTS for letter in letters] + [*FORCE_TEXTS]
     return substituted(n, {symbol(name): ZERO for name in absent})
 
 
@@ -234,7 +236,9 @@ def loads_on_rows() -> str:
     """Write the right-hand sides of the dynamic rows: forces, with their signs, as they are without acceleration."""
     found = of_one(traced()[0])
     outputs = [
-        Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -at_rest(row, "a")) for name, row in found.items() if name != "law"
+        Output(ROW_TEXTS[name][1], f"b[{ROW_TEXTS[name][0]}]", -at_rest(row, "a"))
+        for name, row in found.items()
+        if name != "law"
     ]
     return write("loads(system, t, y, b, p)", outputs)
 
@@ -244,11 +248,11 @@ def rates_of_rows() -> str:
     outputs = []
     for name, row in of_one(traced()[0]).items():
         rate = derivative(row, local("elapsed"))
-        for other in PLACES:
+        for other in PLACE_TEXTS:
             for before, after in (("q", "v"), ("v", "a")):
                 rate = rate + derivative(row, symbol(f"{before}_{other}")) * symbol(f"{after}_{other}")
         if name != "law":
-            outputs.append(Output(ROWS[name][1], f"b[{ROWS[name][0]}]", -rate))
+            outputs.append(Output(ROW_TEXTS[name][1], f"b[{ROW_TEXTS[name][0]}]", -rate))
     return write("rates_of_rows(system, t, y, yp, b, p)", outputs)
 
 
@@ -273,7 +277,7 @@ def of_lanes(head: str, law: Callable[[Node, SimpleNamespace], Node]) -> str:
     """Write a torque of both exciters side by side, at one time or several."""
     found = paired(labelled(law, symbol("speed", pair=True), P))
     lines = "\n".join(lines_of([Output("", "torque", found)], _OF_LANES))
-    imports = "from vibroplat.kernels.vectors import select\nfrom vibroplat.model.motor import both\n"
+    imports = "from vibroplat.kernels.lanes import select\nfrom vibroplat.model.motor import both\n"
     return f"{imports}\n\ndef {head}:\n    elapsed = t - p.since\n{lines}\n    return torque\n"
 
 

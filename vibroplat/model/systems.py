@@ -122,7 +122,7 @@ STICKS = np.array([s.mode is Mode.STICK for s in SYSTEMS])
 SENSE = np.array([{Mode.SLIP_PLUS: 1.0, Mode.SLIP_MINUS: -1.0}.get(s.mode, 0.0) for s in SYSTEMS])
 UPPER = np.array([s.differential // 2 - 1 - s.slides for s in SYSTEMS])
 #: Columns of coordinates in a Taylor series: their places in the full state, with the eighth left to F_c.
-COLUMNS = np.where(PLACES == ALONG, 8, PLACES)
+SERIES_COLUMNS = np.where(PLACES == ALONG, 8, PLACES)
 
 
 @compiled

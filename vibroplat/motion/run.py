@@ -154,7 +154,8 @@ def simulate(
         Two functions, or two files (:class:`vibroplat.results.tables.TableFile`), that receive the trajectory table and
         the event table part by part during the run, independent of ``keep``.
     variation
-        True: also compute the derivative of the final state by the initial state, :attr:`RunResult.monodromy`.
+        True: also compute the derivative of the final state by the initial state,
+        :attr:`vibroplat.results.run.RunResult.monodromy`.
         Dotted keys: also the derivative by these keys, :attr:`RunResult.variation`.
     start
         Initial condition, if it is known already. Default: the initial condition of the scene.
@@ -275,7 +276,7 @@ def _summary(
             "simulated_s": seconds,
             "relative_rotation": scene.rotation,
             "perturbation": scene.start_perturbation,
-            "static_sag_m": 0.0 - float(static_rest(scene)[1]),
+            "static_sag_m": 0.0 - float(static_rest(scene, motion.automaton.p)[1]),
             **kinds,
             "regime": regime,
             "period": repetition.turns,
@@ -283,7 +284,7 @@ def _summary(
             "transient_x_m": left[0].size,
             "transient_y_m": left[1].size,
             **measures,
-            "contact_force_noise_n": force_noise(scene) if scene.has_contact else None,
+            "contact_force_noise_n": force_noise(scene, motion.automaton.p) if scene.has_contact else None,
             "engine": engine.name,
             "tolerance": scene.solver.tolerance,
             **engine.work,

@@ -12,7 +12,7 @@ import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, compiled, fused, fused_inline, inlined
 from vibroplat.kernels.elimination import LANE, blend_8, combine_16, eliminate_lanes, whole_lanes
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.lines import in_lines
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import slopes
 from vibroplat.model.systems import FULL_SIZE

@@ -12,8 +12,8 @@ from vibroplat.hybrid.modes import MODES, SLIP_MINUS, SLIP_PLUS, STICK
 from vibroplat.kernels.compiled import FloatArray, compiled
 from vibroplat.model.energy import ALONG_FORCE, ALONG_SIZE, FRICTION
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import CURVED_FORCE, slopes
-from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, SENSE, UPPER
+from vibroplat.model.springs import CURVED_FORCE, between_layers, slopes
+from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, LAYERS, SENSE
 from vibroplat.observe.measures import Accumulators
 from vibroplat.observe.section import section_rows
 
@@ -81,8 +81,7 @@ def find_sliding(
         if SENSE[system] != 0.0:
             loss += weight * p.kinetic_friction * force * abs(samples[i, 2 * n - 1])
         if LAYERS[system] == 2:
-            upper = UPPER[system]
-            pressed = stiffness[4] * samples[i, upper] + damping[4] * samples[i, n + upper]
+            pressed = between_layers(samples[i], system, p)
             sheared += weight * (abs(friction) > -INTERNAL_FRICTION * p.material_mass * pressed)
     power[FRICTION] = loss
     resisting = stiffness[0] * means[0, 0] + damping[0] * means[0, n] + means[4, CURVED_FORCE]

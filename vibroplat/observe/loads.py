@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inline, inlined
+from vibroplat.kernels.lanes import load_2, some
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
-from vibroplat.kernels.vectors import load_2, some
 from vibroplat.model.parameters import Parameters
 from vibroplat.model.springs import CURVED_FORCE, CURVED_SQUARE
 from vibroplat.model.systems import DIFFERENTIAL
+from vibroplat.observe.curves import update_motor_extremes
 from vibroplat.observe.extremes import (
     ACCELERATION,
     DRIVEN_1,
@@ -36,7 +37,6 @@ from vibroplat.observe.extremes import (
     remember,
     vertex,
 )
-from vibroplat.observe.motor_loads import update_motor_extremes
 from vibroplat.observe.peaks import COLUMNS, EIGHT, beyond_limits, cover, largest_squares, put_quantities
 
 #: Part of the changes of the velocity along y up to which those along x do not matter for the acceleration's size.
@@ -208,7 +208,7 @@ def update_step_extremes(extremes: Any, room: Any, span: Span, p: Parameters) ->
         room.limited = 1
     above = below = 0
     for i in range(span.nodes + 2):
-        put_quantities(room.samples, i, span.system, room)
+        put_quantities(room.samples, i, span.system, room, p)
     for first in range(0, COLUMNS if room.named > 0 else POINTS, EIGHT):
         over, under = beyond_limits(room.quantities, span.nodes, REACH[span.nodes], room.limits, first)
         above, below = above | over << first, below | under << first
@@ -227,10 +227,10 @@ def update_columns(extremes: Any, room: Any, span: Span, found: tuple[int, int, 
     for i in range(2):
         known[0, i], known[1, i] = extremes.least[DRIVEN_1 + i], extremes.largest[DRIVEN_1 + i]
     if above | below != 0:
-        cover(extremes, above, below, room, span)
+        cover(extremes, above, below, room, span, p)
     for i in range(2):
         if (above | below) >> (DRIVEN_1 + i) & 1:
-            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room.samples, span, p)
+            update_motor_extremes(extremes, i, (known[0, i], known[1, i]), room, span, p)
     if shaken:
         update_vibration(extremes, room, span)
     for i in range(room.named):
@@ -265,7 +265,7 @@ def add_forces(sums: FloatArray, means: FloatArray, springs: FloatArray, n: int,
     """Add forces into the foundation, and then their squares, over a part of a step (s), from the unknowns' means.
 
     With stiffness k and damping d a force is kq + dq̇, and its square k²q² + 2kd qq̇ + d²q̇²; the means of all these are
-    in the four rows of :func:`vibroplat.kernels.rows.means_16`. Behind them is what is not linear, see
+    in the four rows of :func:`vibroplat.kernels.rows_of_16.means_16`. Behind them is what is not linear, see
     :func:`vibroplat.model.springs.curved_means`.
     """
     for i in range(3):

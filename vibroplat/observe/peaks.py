@@ -1,4 +1,4 @@
-"""Extremes of quantities that are linear in the unknowns and their rates, in a part of a step.
+"""Extremes of quantities that are linear in the unknowns and their rates, in a part of a step; others are followed.
 
 Their samples show, for all quantities at once, which may have a new extreme. Only for these, polynomials are formed,
 and peaks are searched for side by side in lanes.
@@ -12,8 +12,7 @@ import numpy as np
 
 from vibroplat.hybrid.modes import FLIGHT, MODES
 from vibroplat.kernels.compiled import FloatArray, compiled, fused_inline, inlined
-from vibroplat.kernels.polynomial import MAX_DEGREE, slope, turning_point
-from vibroplat.kernels.vectors import (
+from vibroplat.kernels.lanes import (
     Lanes,
     as_lanes,
     bits,
@@ -30,7 +29,11 @@ from vibroplat.kernels.vectors import (
     store,
     zero,
 )
+from vibroplat.kernels.polynomial import MAX_DEGREE, slope, turning_point
+from vibroplat.model.parameters import Parameters
+from vibroplat.model.springs import BENT, add_pulls_beyond, foundation_forces_at
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
+from vibroplat.observe.curves import follow
 from vibroplat.observe.extremes import (
     CONTACT_FORCE,
     DRIVEN_1,
@@ -38,6 +41,7 @@ from vibroplat.observe.extremes import (
     OPENING,
     POINTS,
     PULL_X,
+    SPEED_1,
     Span,
     place_of,
     remember,
@@ -61,7 +65,7 @@ TOPS = [
 
 
 @fused_inline
-def put_quantities(samples: FloatArray, row: int, system: int, room: Any) -> None:
+def put_quantities(samples: FloatArray, row: int, system: int, room: Any, p: Parameters) -> None:
     """Put the quantities of a row of unknowns into the same row of those.
 
     What the system does not have is nan, which is beyond no limit.
@@ -74,6 +78,7 @@ def put_quantities(samples: FloatArray, row: int, system: int, room: Any) -> Non
     pulls = load_4(samples, row, 0) * load_4(room.springs, 0, 0) + load_4(samples, row, n) * load_4(room.springs, 1, 0)
     store(join(first, second), room.quantities, row, 0)
     store(join(pulls, zero(pulls) + np.nan), room.quantities, row, PULL_X)
+    add_pulls_beyond(samples, row, system, room.quantities, PULL_X, p)
     if room.named > 0:
         for j in range(POINTS, COLUMNS, EIGHT):
             moved = load_2(samples, row, 0) + samples[row, 2] * load_8(room.levers, 0, j - POINTS)
@@ -138,30 +143,32 @@ def _peak(here: Lanes, way: Lanes, following: Lanes) -> Lanes:
 
 
 @compiled
-def cover(extremes: Any, above: int, below: int, room: Any, span: Span) -> None:
+def cover(extremes: Any, above: int, below: int, room: Any, span: Span, p: Parameters) -> None:
     """Let the extremes of columns whose bits are set, above or below limits, cover a part of a step.
 
     Parameters
     ----------
     extremes, above, below
         Record of :data:`vibroplat.observe.extremes.EXTREMES`, and the bits of :func:`beyond_limits`.
-    room, span
+    room, span, p
         Record of :data:`vibroplat.observe.room.ROOM` with quantities at the samples, and the limits beyond which
-        an extreme is new; the part.
+        an extreme is new; the part; the parameters.
     """
     count = 0
     for sense in (1.0, -1.0):
         k, left = 0, above if sense > 0.0 else below
         while left != 0:
-            if left & 1:
-                count = find_tops(extremes, k, sense, room, span, count)
+            if left & 1 and PULL_X <= k < SPEED_1 and BENT[min(max(k - PULL_X, 0), 2)]:
+                follow(extremes, k, room, span, p)
+            elif left & 1:
+                count = find_tops(extremes, k, sense, room, span, count, p)
             k, left = k + 1, left >> 1
     if count > 0:
         polish(extremes, room, span, count)
 
 
 @inlined
-def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count: int) -> int:
+def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count: int, p: Parameters) -> int:
     """Gather the samples of quantity k near which there may be a new extreme, after ``count`` others; return how many.
 
     They are not below their neighbours, and exceed the limit if the larger difference from a neighbour is added.
@@ -178,7 +185,7 @@ def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count:
             if count == SIDE_BY_SIDE:
                 polish(extremes, room, span, count)
                 count = 0
-            put_series(k, sense, room, count, span)
+            put_series(k, sense, room, count, span, p)
             low, place, high = place_of(i - 1, span), place_of(i, span), place_of(i + 1, span)
             remember(extremes, k, samples[i, k], place, span)
             leaving = slope(room.series[:, 0], span.degree, count, place) if not 0 < i < last else 0.0
@@ -192,24 +199,25 @@ def find_tops(extremes: Any, k: int, sense: float, room: Any, span: Span, count:
 
 
 @inlined
-def put_series(k: int, sense: float, room: Any, lane: int, span: Span) -> None:
-    """Put ``sense`` times the polynomial of quantity k into a lane: a sum of two unknowns, or one alone."""
+def put_series(k: int, sense: float, room: Any, lane: int, span: Span, p: Parameters) -> None:
+    """Put ``sense`` times the polynomial of quantity k into a lane: an unknown, or what is linear in several."""
     n = DIFFERENTIAL[span.system] // 2
-    c, first, share, second, other = span.c, k, 1.0, 0, 0.0
+    c, first, other = span.c, k, 0.0
+    if PULL_X <= k < SPEED_1:
+        for i in range(span.degree + 1):  # a linear force makes its own coefficients of those of unknowns
+            forces = foundation_forces_at(c[i, 0], c[i, 1], c[i, 2], c[i, n], c[i, n + 1], c[i, n + 2], p)
+            room.series[i, 0, lane] = sense * forces[k - PULL_X]
+        return
     if k >= POINTS:
-        first, second, other = (k - POINTS) % 2, 2, room.levers[k - POINTS]
-    elif k >= PULL_X:
-        first = k - PULL_X
-        second, share, other = n + first, room.springs[0, first], room.springs[1, first]
+        first, other = (k - POINTS) % 2, room.levers[k - POINTS]
     elif k >= DRIVEN_1:
         first = n + 3 + k - DRIVEN_1
     elif k == CONTACT_FORCE:
         first = 2 * n
     elif k == OPENING:
         first = GAP
-    share, other = sense * share, sense * other
     for i in range(span.degree + 1):
-        room.series[i, 0, lane] = share * c[i, first] + other * c[i, second]
+        room.series[i, 0, lane] = sense * (c[i, first] + other * c[i, 2])
 
 
 @compiled

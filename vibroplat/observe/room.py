@@ -23,7 +23,7 @@ ROOM = np.dtype(
         ("levers", float, 2 * MAX_NAMED_POINTS),  # of points: what φ adds to x and y
         ("means", float, (5, WIDTH)),  # of unknowns, squares, sizes, products with rates, what is not linear
         ("power", float, N_WORK),
-        ("sliding", float, len(SUMS) - STICK_TIME),  # means of what :func:`find_sliding` finds
+        ("sliding", float, len(SUMS) - STICK_TIME),  # what :func:`vibroplat.observe.conveying.find_sliding` fills
         ("phases", float, MAX_NODES),
         ("driven", float, (2, 2)),  # extremes of speeds before a step
         ("full", float, MOVING_SIZE),

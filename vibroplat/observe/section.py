@@ -37,7 +37,10 @@ def section_angle(angle: float, turns: int) -> float:
 
 
 def section_rows(ms: Accumulators) -> npt.NDArray[np.void]:
-    """Points of the Poincaré section that are kept, records of :data:`SECTION` in the order of time."""
+    """Points of the Poincaré section that are kept, in the order of time.
+
+    They are records of :data:`vibroplat.observe.measures.SECTION`.
+    """
     turns, room = int(ms.marks["turns"]), ms.section.size
     if turns <= room:
         return ms.section[:turns]

@@ -15,11 +15,11 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.hybrid.modes import CHATTER, FLIGHT, IMPACT, MODES
 from vibroplat.hybrid.state import Automaton, Steps
 from vibroplat.kernels.compiled import Callee, FloatArray, address_of, borrow, compiled, copy, inlined, quick_call
-from vibroplat.kernels.lanes import in_lines
+from vibroplat.kernels.lanes import join, load_2, load_4, load_16, part, store, total, zero
+from vibroplat.kernels.lines import in_lines
 from vibroplat.kernels.polynomial import crossing, value
-from vibroplat.kernels.rows import horner_16, horner_pair_16, means_16
+from vibroplat.kernels.rows_of_16 import horner_16, horner_pair_16, means_16
 from vibroplat.kernels.sines import sincos_pair
-from vibroplat.kernels.vectors import join, load_2, load_4, load_16, part, store, total, zero
 from vibroplat.model.energy import DISSIPATIONS, FRICTION, exciter_powers, powers
 from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters

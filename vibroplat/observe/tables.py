@@ -62,7 +62,7 @@ TRAJECTORY: Columns = {
 
 
 #: Columns of the forces into the foundation, positive along +x and +y; at rest that along y is minus the weight.
-FORCES: Columns = {
+FOUNDATION_FORCES: Columns = {
     f"foundation_force_{axis}_n": Column(f"force into the foundation along {axis}", "springs and dampers")
     for axis in ("x", "y")
 }
@@ -272,8 +272,9 @@ class Sampler:
         columns |= self._supply(rows)
         if self._accelerations:
             state = rows["state"].T
-            columns |= dict(zip(FORCES, foundation_forces(*state[:2], *state[7:9], self._p), strict=True))
-        return ArrayTable(columns, {**TRAJECTORY, **self._accelerations, **FORCES})
+            along_x, along_y, _ = foundation_forces(*state[:3], *state[7:10], self._p)
+            columns |= dict(zip(FOUNDATION_FORCES, (along_x, along_y), strict=True))
+        return ArrayTable(columns, {**TRAJECTORY, **self._accelerations, **FOUNDATION_FORCES})
 
     def _supply(self, rows: Records) -> dict[str, FloatArray]:
         """Return the columns that depend on the supply of each row.

@@ -51,7 +51,7 @@ OFF_GRID = 1e-3
 #: Speeds of both exciters, as in tables and as in figures.
 RATES, SPEEDS = ("phi1_rate_rad_per_s", "phi2_rate_rad_per_s"), ("speed_1_hz", "speed_2_hz")
 _ANGLES = ("phi1_rad", "phi2_rad")
-_MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s")
+_MOVING_RATES = ("x_rate_m_per_s", "y_rate_m_per_s", "phi_rate_rad_per_s")
 #: Columns that the page shows in addition: the upper layer relative to the lower one, and powers of both motors.
 FURTHER, POWERS = "upper_m", ("motor_power_1_w", "motor_power_2_w")
 #: Minimum range of accelerations along an axis, and of lines of a spectrum, relative to the largest one, to be shown.

@@ -34,7 +34,7 @@ FARTHEST, NEAREST = 2.0, 1.1
 
 
 def with_gap(values: Any) -> FloatArray:
-    """Return numbers with a missing one behind them, which is at the place of :data:`BROKEN`."""
+    """Return numbers with a missing one behind them, at the place of :data:`vibroplat.plots.pictures.BROKEN`."""
     return np.append(pd.Series(values).to_numpy(dtype=float, na_value=np.nan), np.nan)
 
 

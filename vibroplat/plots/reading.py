@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from vibroplat.config.coordinates import TURN
+from vibroplat.config.coordinates import COORDINATES, RATES, TURN
 from vibroplat.config.scene import Scene
 from vibroplat.hybrid.state import static_rest
 from vibroplat.model.parameters import parameters
@@ -35,10 +35,10 @@ def with_forces(part: pd.DataFrame, scene: Scene) -> pd.DataFrame:
 
     Its y is as in a trajectory, from where springs are unloaded.
     """
-    needed = ["x_m", "y_m", "x_rate_m_per_s", "y_rate_m_per_s"]
+    needed = [*COORDINATES[:3], *RATES[:3]]
     if not {*needed} <= {*part.columns}:
         return part
-    along_x, along_y = foundation_forces(*(part[name] for name in needed), parameters(scene))
+    along_x, along_y, _ = foundation_forces(*(part[name] for name in needed), parameters(scene))
     return part.assign(force_x_n=along_x, force_y_n=-along_y)
 
 

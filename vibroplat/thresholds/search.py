@@ -94,7 +94,7 @@ class ThresholdSearch:
     scene, plan
         A scene and its section.
     store, workers, progress
-        As :meth:`vibroplat.study.study.Question.answer` gets them.
+        As :meth:`vibroplat.study.study.Study.run` gets them.
     evaluated
         All values that were evaluated besides those of the scan, in the order of chains.
     indistinct

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vibroplat.kernels.compiled import FloatArray, fused_inline
-from vibroplat.kernels.vectors import load_4, load_16, size, store, zero
+from vibroplat.kernels.lanes import load_4, load_16, size, store, zero
 
 
 @fused_inline
