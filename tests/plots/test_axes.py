@@ -12,7 +12,8 @@ from vibroplat.page.tables import table_html
 from vibroplat.page.view import View
 from vibroplat.plots.histories import RunTables
 from vibroplat.plots.pictures import draw_picture
-from vibroplat.plots.run import FIGURES, RunPicture
+from vibroplat.plots.run import FIGURES
+from vibroplat.plots.run_picture import RunPicture
 from vibroplat.results import content
 from vibroplat.results.picture import Panel, Picture, Series
 from vibroplat.study.curves import curves_of, fill_failed

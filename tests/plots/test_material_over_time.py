@@ -7,7 +7,8 @@ from common.places import ROOT
 from vibroplat import load_config, simulate, sweep
 from vibroplat.config.digits import interval
 from vibroplat.plots.histories import run_of
-from vibroplat.plots.run import FIGURES, RunPicture
+from vibroplat.plots.run import FIGURES
+from vibroplat.plots.run_picture import RunPicture
 from vibroplat.study.picture import pictures
 
 

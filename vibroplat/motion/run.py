@@ -136,9 +136,7 @@ def simulate(
     start: Start | None = None,
     engine: Callable[[Scene, Parameters], Engine] | None = None,
 ) -> RunResult:
-    """Integrate a scene in time, from its initial condition for ``run.duration_s``.
-
-    The summary has measures of the second half of the run, loads, and an energy audit of the whole run.
+    """Integrate a scene in time, from its initial condition for ``run.duration_s``; the summary has what it measures.
 
     Parameters
     ----------
@@ -180,17 +178,32 @@ def simulate(
     start = initial_condition(scene) if start is None else start
     makers = _makers(scene, run=keys is None) if engine is None else [engine]
     files = [file for file in sink or () if isinstance(file, TableFile)]
-    reasons = list[str]()
-    for maker in makers if files or sink is None else makers[:1]:
+
+    def run_by(maker: Callable[[Scene, Parameters], Engine]) -> RunResult:
         for file in files:
             file.clear()
-        run = _simulate(scene, maker, start, Recorder(scene, keep, sink), keys, progress)
-        if run.outcome not in FAILED:
-            break
-        reasons.append(run.summary["detail"])
+        return _simulate(scene, maker, start, Recorder(scene, keep, sink), keys, progress)
+
+    return _first_finished(scene, makers if files or sink is None else makers[:1], run_by, run=keys is None)
+
+
+def _first_finished(
+    scene: Scene,
+    makers: Sequence[Callable[[Scene, Parameters], Engine]],
+    run_by: Callable[[Callable[[Scene, Parameters], Engine]], RunResult],
+    *,
+    run: bool,
+) -> RunResult:
+    """Run by one engine after the other up to one that does not fail; the last one says why each of them did."""
+    reasons = list[str]()
+    for maker in makers:
+        result = run_by(maker)
+        if result.outcome not in FAILED:
+            return result
+        reasons.append(result.summary["detail"])
     if len(reasons) > 1:
-        run.summary["detail"] = both_reasons(engines_to_try(scene, run=keys is None), *reasons)
-    return run
+        result.summary["detail"] = both_reasons(engines_to_try(scene, run=run), *reasons)
+    return result
 
 
 def _makers(scene: Scene, *, run: bool) -> list[Callable[[Scene, Parameters], Engine]]:

@@ -16,7 +16,8 @@ from vibroplat.page.run import ShownRun
 from vibroplat.page.svg import Plot
 from vibroplat.page.view import View, axis_name, heading, places_of
 from vibroplat.plots.histories import FURTHER, POWERS
-from vibroplat.plots.run import FIGURES, RunPicture, beside, curve, missing, of_both
+from vibroplat.plots.run import FIGURES, missing, of_both
+from vibroplat.plots.run_picture import RunPicture, beside, curve
 from vibroplat.results.labels import capital
 from vibroplat.results.legend import legend_of
 from vibroplat.results.picture import VERMILION, Facet, Panel, Picture

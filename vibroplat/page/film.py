@@ -23,7 +23,7 @@ from vibroplat.errors import VibroplatError
 from vibroplat.page import machine
 from vibroplat.plots.axes import label_axis
 from vibroplat.plots.histories import run_of
-from vibroplat.plots.run import FROM_REST
+from vibroplat.plots.run_picture import FROM_REST
 from vibroplat.plots.style import head, new_figure, styled
 from vibroplat.results.files import directory_of
 from vibroplat.results.picture import BLUE, CURVES, VERMILION
