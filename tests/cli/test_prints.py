@@ -323,6 +323,24 @@ def test_a_machine_at_rest_rests_and_shows_no_round_off(kernels):
         run.plot("spectrum")
 
 
+def test_a_jump_to_a_lower_frequency_is_no_operation(kernels):
+    """Motors take power from the machine while they brake it."""
+    jump = [(0.0, 50.0), (0.5, 50.0), (0.5, 20.0)]
+    program = [{"t_s": t, "supply_frequency_hz": frequency} for t, frequency in jump]
+    changes = {"drive.program": program, "run.duration_s": 1.0, "material.mass_ratio": 0.0, "solver.engine": "taylor"}
+    run = simulate(load_config(ROOT / "configs/templates/screen.yaml", changes | {"run.initial.speed_ratio": 0.98}))
+    assert "is braked by the motors, at " in headline(run.scene, run.summary)
+    assert Sheet(run.scene, run.summary).transient == "while its motors brake"
+
+
+@pytest.mark.long
+def test_round_off_of_a_long_run_is_no_transient(kernels):
+    changes = {"material.mass_ratio": 0.0, "run.duration_s": 1000.0, "solver.engine": "taylor"}
+    run = simulate(load_config(ROOT / "configs/quickstart.yaml", changes), keep="summary")
+    assert headline(run.scene, run.summary).endswith("repeats every turn")
+    assert "transient" not in " ".join(run.answer.notes)
+
+
 def test_times_count_from_when_motors_were_switched(runs):
     """A failure has times of its own; what was largest before it is of the start."""
     run = runs["two layers"]

@@ -131,3 +131,11 @@ def test_intervals_cover_the_time_without_gaps():
 def test_scales_follow_the_largest_frequency():
     scene = Scene(drive=drive((0.0, 0.0), (1.0, 60.0), (2.0, 10.0)))
     assert scene.synchronous_speeds == Scene(drive=Drive(supply_frequency_hz=60.0)).synchronous_speeds
+
+
+def test_a_supply_changes_until_the_end_of_its_ramp():
+    """Of which a part near 0 Hz is an interval of its own."""
+    drive = Drive.model_validate(
+        {"program": [{"t_s": 0, "supply_frequency_hz": 0}, {"t_s": 3600, "supply_frequency_hz": 50}]}
+    )
+    assert [drive.last_change(time) for time in (1.0, 1000.0, 4000.0)] == [3600.0] * 3

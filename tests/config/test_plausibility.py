@@ -8,6 +8,7 @@ from common.places import QUICKSTART
 from vibroplat import Machine, Scene, load_config
 from vibroplat.config.plausibility import HINT, WARNING, notes_on_input, notes_on_inputs, notes_on_plan, set_in_vain
 from vibroplat.errors import ConfigError
+from vibroplat.study.sweep import SweepStudy
 
 SECTIONS = {"machine": load_config(QUICKSTART).machine, "motor": load_config(QUICKSTART).motor}
 
@@ -301,13 +302,26 @@ def test_keys_that_a_command_does_not_read_are_told():
     keys = ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "run.seed", "output.points", "basins.seed"]
     told = {
         "run": ["sweep.seed", "basins.seed"],
-        "inspect": ["sweep.seed", "basins.seed"],
+        "inspect": ["output.sample_rate_hz", "sweep.seed", "run.seed", "basins.seed"],
         "sweep": ["run.duration_s", "output.sample_rate_hz", "basins.seed"],
         "find": ["run.duration_s", "output.sample_rate_hz", "sweep.seed", "basins.seed"],
         "basins": ["run.duration_s", "output.sample_rate_hz", "sweep.seed"],
     }
     for command, vain in told.items():
         assert set_in_vain(keys, command) == [f"{WARNING}no effect of {key} on {command}" for key in vain]
+
+
+def test_a_key_that_some_points_of_a_study_read_has_an_effect():
+    """Material is on some of them."""
+    for section in (
+        {"supply_frequency_hz": {"start": 50.0, "stop": 51.0}, "grid": {"material.mass_ratio": [0.0, 0.2]}},
+        {"over": {"key": "material.mass_ratio", "values": [0.0, 0.2]}, "grid": {}},
+    ):
+        study = SweepStudy(load_config(QUICKSTART, {"sweep": section, "contact.restitution": 0.8}))
+        assert [note for note in study.input_notes() if "no effect" in note] == []
+    bare = {"material.mass_ratio": 0.0, "orbits": {"key": "contact.restitution", "start": 0.0, "stop": 0.5}}
+    (note,) = notes_on_plan(load_config(QUICKSTART, bare), "orbits")
+    assert note == f"{WARNING}no effect of contact.restitution: there is no material, as its mass is 0"
 
 
 def test_keys_that_are_set_are_told_where_a_study_varies_them_or_a_bare_platform_is_meant():
@@ -324,7 +338,9 @@ def test_keys_that_are_set_are_told_where_a_study_varies_them_or_a_bare_platform
     ):
         notes = notes_on_plan(scene.replace({kind: section, "material.mass_ratio": 0.1}), kind)
         end = "; starts only get other random numbers" * (kind == "find")
-        assert notes == [f"{WARNING}no effect of {key} on {kind}, which varies it{end}" for key in varied]
+        assert notes == [
+            f"{WARNING}no effect of {key} on {kind}, which gives it values of its own{end}" for key in varied
+        ]
 
 
 def test_keys_that_are_set_and_that_a_study_does_not_read_with_other_keys_are_told():

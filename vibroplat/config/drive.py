@@ -6,7 +6,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate, pairwise, takewhile
 from typing import Annotated, Any, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -192,8 +192,9 @@ class Drive(Section):
         """When the supply last changes before a time (s); the end of the ramp if it is changing then. -inf: never."""
         supplies = [supply for supply in self.intervals if supply.start < time]
         now = supplies[-1] if supplies else self.intervals[0]
-        if now.ramp:
-            return now.end
+        if now.ramp:  # of which a part may be a piece of its own
+            later = takewhile(lambda supply: supply.ramp, self.intervals[max(len(supplies), 1) :])
+            return [now, *later][-1].end
         begin = now.start
         for before in reversed(supplies[:-1]):
             if before.ramp or (before.frequency, before.driven) != (now.frequency, now.driven):

@@ -43,6 +43,8 @@ MAX_NAMED = 3
 WARNING = "warning: "
 #: How notes begin that put no number in doubt: they come last.
 HINT = "hint: "
+#: How notes on keys without effect begin.
+_OF_KEYS = "no effect of "
 #: Axes of the platform with the ends of the names of its springs and dampers.
 _AXES = (
     ("x", "stiffness_x_n_per_m", "damping_x_n_s_per_m"),
@@ -104,16 +106,23 @@ def by_severity(notes: Iterable[str]) -> list[str]:
 def notes_on_inputs(scenes: Iterable[Scene], places: Sequence[str] = ()) -> list[str]:
     """Say the same of several scenes of a study, each note once, with its place unless it holds at all places."""
     notes: dict[str, list[str]] = {}
-    for scene, prefix in zip(scenes, places or repeat(""), strict=False):
+    pairs = [*zip(scenes, places or repeat(""), strict=False)]
+    for scene, prefix in pairs:
         for note in notes_on_input(scene, of_run=False):
             notes.setdefault(note, []).append(prefix)
     everywhere = max(len(places), 1)
     placed = list[str]()
     for note, at in notes.items():
+        if _OF_KEYS in note and len(at) < len(pairs) and not places:
+            continue  # elsewhere they have one
         begin, text = split_severity(note)
         holds = len(at) == everywhere or not at[0] or at[0] in note
         placed.append(note if holds else f"{begin}at {', '.join(at)}: {text}")
     return placed
+
+
+#: Keys by which a study may vary what other keys have an effect on.
+MAKES_MATERIAL = {"material.mass_ratio", "material.mass_kg", "material.layers", "contact.model"}
 
 
 def notes_on_plan(scene: Scene, kind: str) -> list[str]:
@@ -157,9 +166,10 @@ def _without_effect(scene: Scene, kind: str) -> list[str]:
         notes.append(f"{WARNING}{kind}.seed has no effect: {kind}.perturbation is 0, so nothing is random")
     varied = str(plan.model_dump(exclude_none=True))
     keys = set(re.findall(r"\b(?:material|contact|transport)\.\w+", varied))
-    if keys & {"material.mass_ratio", "material.mass_kg", "material.layers", "contact.model", "contact.restitution"}:
+    if keys & MAKES_MATERIAL:
         return notes
-    return [*notes, *_no_effect({key: why for key, why in unread_by_scene(scene).items() if key in keys})]
+    unread = {key: why for key, why in unread_by_scene(scene).items() if key in keys and why != INELASTIC}
+    return [*notes, *_no_effect(unread)]
 
 
 def _given_in_vain(scene: Scene, *, of_run: bool) -> list[str]:
@@ -193,7 +203,7 @@ def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str
     notes = []
     for why in dict.fromkeys(unread.values()):
         begin = WARNING if why in (BARE, NOT_RANDOM) else of_choices
-        notes.append(f"{begin}no effect of {', '.join(key for key in unread if unread[key] == why)}: {why}")
+        notes.append(f"{begin}{_OF_KEYS}{', '.join(key for key in unread if unread[key] == why)}: {why}")
     return notes
 
 

@@ -357,8 +357,15 @@ def nest(dotted: Mapping[str, Any]) -> dict[str, Any]:
             node = node.setdefault(name, {})
             if not isinstance(node, dict):
                 raise ConfigError(f"{path} lies inside {name}, which already has a value")
-        node[key] = value
+        node[key] = _copied(value)
     return tree
+
+
+def _copied(value: Any) -> Any:
+    """Copy sections and lists, into which other keys may be written."""
+    if isinstance(value, dict):
+        return {key: _copied(entry) for key, entry in value.items()}
+    return [_copied(entry) for entry in value] if isinstance(value, list) else value
 
 
 def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -18,6 +18,8 @@ from vibroplat.config.sections import Contact, Material, Transport
 _OF_MATERIAL: dict[str, type[BaseModel]] = {"material": Material, "contact": Contact, "transport": Transport}
 _OF_TWO_LAYERS = ("lower_share", "natural_frequency_hz", "stiffness_n_per_m", "damping_ratio", "damping_n_s_per_m")
 
+#: Keys that count in motions alone, of which an inspection has none.
+_OF_MOTIONS = ("run.seed", "run.perturbation", "solver.", "output.sample_rate_hz", "output.accelerations")
 #: Keys that count in runs alone.
 _OF_RUNS = ("run.duration_s", "output.sample_rate_hz", "output.accelerations")
 #: Keys of a sweep that say what it varies, not how a motion is measured.
@@ -32,14 +34,14 @@ INELASTIC = "contact.restitution is 0"
 def unread_by_command(keys: Iterable[str], command: str, plan: BaseModel | None = None) -> Iterator[tuple[str, str]]:
     """Yield those of some keys on which the result of a command does not depend, or that its plan varies, and why."""
     others, of_runs = unused_sections(command) & KINDS.keys(), () if command in ("run", "inspect", "fit") else _OF_RUNS
-    of_curves = _OF_CURVES if command == "design" else ()
+    of_curves = {"design": _OF_CURVES, "inspect": _OF_MOTIONS}.get(command, ())
     varied = set(_varied_keys(plan)) if getattr(plan, "from_", "") != "previous" else set()
     for key in keys:
         if key.partition(".")[0] in others or key in of_runs or key.startswith(of_curves):
             yield key, ""
         elif {key, in_lists(key.split("."))} & varied:
             draws = command == "find" and key == FREQUENCY
-            yield key, f", which varies it{'; starts only get other random numbers' * draws}"
+            yield key, f", which gives it values of its own{'; starts only get other random numbers' * draws}"
 
 
 def _varied_keys(plan: BaseModel | None) -> Iterator[str]:

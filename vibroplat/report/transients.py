@@ -19,6 +19,8 @@ from vibroplat.observe.extremes import HEIGHT, SIDEWAYS, merge_extremes
 from vibroplat.observe.measures import Accumulators, measured_extremes
 from vibroplat.observe.section import section_rows
 
+#: Range of places over the stroke up to which it is round-off, in which no decay is seen.
+ROUND_OFF = 1e-6
 #: Number of parts of the kept turns whose ranges are compared, and the ratio of the last to the first that is a decay.
 STRETCHES, DECAYS = 4, 0.5
 
@@ -64,32 +66,32 @@ def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> lis
     for axis, k in enumerate((SIDEWAYS, HEIGHT)):
         expected = 0.5 * float(damping[axis] / inertia[axis])
         swing = TURN * math.sqrt(inertia[axis] / stiffness[axis]) if stiffness[axis] else math.inf
-        size, seen = _range_at(since, rows["t"], rows["state"][:, axis], turns, (expected, swing))
+        stroke = float(measured["largest"][k] - measured["least"][k])
+        size, seen = _range_at(since, rows["t"], rows["state"][:, axis], turns, (expected, swing, ROUND_OFF * stroke))
         left = 0.0
         if not seen:  # the largest stroke was before the measured part, or this motion has been so from its beginning
             last = max(float(whole["at_least"][k]), float(whole["at_largest"][k]))
             left = since - (last if last < since else begin)
             size = min(size, float(whole["largest"][k] - whole["least"][k]) * math.exp(-expected * max(left, 0.0)))
-        stroke = float(measured["largest"][k] - measured["least"][k])
         found.append(Transient(min(size, stroke), seen or expected))
     return found
 
 
 def _range_at(
-    since: float, times: FloatArray, places: FloatArray, turns: int, axis: tuple[float, float]
+    since: float, times: FloatArray, places: FloatArray, turns: int, axis: tuple[float, float, float]
 ) -> tuple[float, float]:
     """Return the range of places so many turns apart at a time (s), and the rate of its decay; 0 if none is seen.
 
-    Of the axis are known the rate of decay (1/s) and the period (s) without material.
+    Of the axis are known the rate of decay (1/s) and the period (s) without material, and the range that is round-off.
     """
-    length, (expected, swing) = len(times) // (STRETCHES * turns) * turns, axis
+    length, (expected, swing, least) = len(times) // (STRETCHES * turns) * turns, axis
     if length < 2 * turns or times[length] - times[0] < swing:
         (size,), rate = _ranges(places[-(len(places) // turns) * turns :].reshape(1, -1, turns)), 0.0
     else:
         size, *_, last = _ranges(places[-STRETCHES * length :].reshape(STRETCHES, -1, turns))
         rate = (
             math.log(size / last) / float(times[-length] - times[-STRETCHES * length])
-            if 0.0 < last < DECAYS * size
+            if least < size and 0.0 < last < DECAYS * size
             else 0.0
         )
     # the last turns are kept, and the measured part may have begun long before

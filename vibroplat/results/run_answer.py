@@ -17,6 +17,8 @@ from vibroplat.report.notes import MIN_STROKE, slow_motors
 from vibroplat.report.summary import COHERENCE, INACCURATE, MEASURES, synchronization
 from vibroplat.results.answer import are_alike, of_both
 
+#: Mean power into motors, over their largest, from which on they brake.
+BRAKES = 0.01
 #: Ripple of an exciter's speed, over the larger of both speeds, above which one without a motor is stopping.
 STOPPING = 0.1
 #: Maximum ripple of an exciter at rest, relative to the largest synchronous speed. Minimum measuring interval, in turns
@@ -71,6 +73,8 @@ def _operation(scene: Scene, summary: Mapping[str, Any], off: Sequence[str]) -> 
     coasts = "coasts with the motors off"
     if scene.braked(summary["measured_from_s"], summary["measured_to_s"]):
         coasts = "is braked by the motors (supply 0 Hz)"
+    if not off and brakes(scene, summary):
+        off, coasts = ["1", "2"], "is braked by the motors"
     runs = {0: "runs", 1: f"runs with motor {''.join(off)} off", 2: coasts}[len(off)]
     speeds = speeds_of_both(summary)
     slip = max((motor.slip for motor in slow_motors(scene, summary)), default=0.0)
@@ -130,6 +134,12 @@ def without_round_off(scene: Scene, summary: Mapping[str, Any]) -> Mapping[str, 
     return {**summary, **dict.fromkeys(small, 0.0)}
 
 
+def brakes(scene: Scene, summary: Mapping[str, Any]) -> bool:
+    """Whether motors take power from the machine in the mean, as after a jump to a lower frequency."""
+    most: float = summary["excitation_frequency_hz"] * TURN * sum(e.critical_torque_n_m for e in scene.exciter_pair)
+    return float(summary.get("motor_power_w") or 0.0) < -BRAKES * most
+
+
 def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
     """Return what exciters do in the measured part if that is no steady operation; "" if it is."""
     driven = scene.driven(summary["measured_from_s"], summary["measured_to_s"])
@@ -139,6 +149,8 @@ def transient(scene: Scene, summary: Mapping[str, Any]) -> str:
         braked = scene.braked(summary["measured_from_s"], summary["measured_to_s"])
         return "while its motors brake" if braked else "while it coasts down"
     speeds = speeds_of_both(summary) or [0.0, 0.0]
+    if brakes(scene, summary):
+        return "while its motors brake"
     for n, on in enumerate(driven, 1):
         if not (on or are_alike(speeds)) and (summary.get(f"speed_ripple_{n}_hz") or 0.0) > STOPPING * max(speeds):
             return f"while exciter {n} stops"
