@@ -117,7 +117,7 @@ def test_warnings_are_always_printed():
 
 
 def test_notes_that_put_no_number_in_doubt_come_last():
-    stiff, wrong = f"{HINT}another engine is faster", "not settled: the stroke may still fall by 5 %"
+    stiff, wrong = f"{HINT}another engine is faster", "not settled: stroke may fall by 5 %"
     assert by_severity([stiff, "an unusual mass", wrong]) == ["an unusual mass", wrong, stiff]
     assert Answer(headline="what it is", notes=[wrong, stiff]).brief()[1:] == [f"  note: {wrong}", f"  {stiff}"]
     table = pd.DataFrame({"mass": [1.0, 2.0], "notes": [stiff, f"{stiff}; {wrong}"], "motion": "x", "outcome": "ok"})
@@ -237,7 +237,7 @@ def test_an_exciter_1_without_motor_that_stands_still_does_not_stop_the_other_on
 def test_strokes_that_still_change_are_told_instead_of_turns_that_repeat(runs):
     run = runs["two layers"]
     ends = {
-        0.14: "; not settled: the stroke may still fall by 14 %",
+        0.14: "; not settled: stroke may fall by 14 %",
         0.001: "; repeats every turn",
         None: "; repeats every turn",
     }
@@ -300,8 +300,8 @@ def test_few_turns_are_told_wherever_a_period_would_be(runs):
     summary = run.summary | {"period": 0, "measured_turns": 30, "stroke_change": 0.0}
     told = "undecided: 30 turns measured, at least 31 are needed"
     assert headline(run.scene, summary).endswith(f"; {told}")
-    rows = {row.label: row.now for row in Sheet(run.scene, summary).groups["Synchronization"]}
-    assert rows["motion repeats"] == told
+    rows = {row.label: row for row in Sheet(run.scene, summary).groups["Synchronization"]}
+    assert f"{rows['motion repeats'].now}: {rows['motion repeats'].also}" == told
     assert headline(run.scene, summary | {"measured_turns": 31}).endswith("; does not repeat yet")
     kinds = [kind_of_motion({"measured_turns": turns}, 0, left) for turns, left in ((30, 0.0), (31, 0.0), (31, 0.01))]
     assert kinds == ["undecided", "non-periodic", "undecided"]

@@ -180,7 +180,7 @@ def sync_text(scene: Scene, summary: Mapping[str, Any]) -> str:
 def _period(summary: Mapping[str, Any]) -> str:
     turns, change = summary.get("period"), summary.get("stroke_change") or 0.0
     if change > SETTLED:
-        return f"; not settled: the stroke may still fall by {percent(change)}"
+        return f"; not settled: stroke may fall by {percent(change)}"
     if turns == 0:
         return f"; {repetition_text(summary) or 'does not repeat yet'}"
     return "" if turns is None else f"; repeats every {'turn' if turns == 1 else f'{turns} turns'}"

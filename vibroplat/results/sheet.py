@@ -382,6 +382,7 @@ class Sheet:
         if switched:
             seconds, after, switch = switched.partition(AFTER)
             started = ("in step again", seconds, f"{after.strip()} {switch}")
+        few = repetition_text(s)
         return [
             Row("phase difference", phase_text(s) or "drifts", name_sync(name)),
             pace,
@@ -389,8 +390,8 @@ class Sheet:
             Row("stroke steady", steady, "within 1 %" * bool(steady)),
             Row(
                 "motion repeats",
-                repetition_text(s) or _repeats(s["period"]),
-                f"strokes change by {percent(moved)}" * (moved > SETTLED),
+                "undecided" if few else _repeats(s["period"]),
+                f"strokes change by {percent(moved)}" if moved > SETTLED else few.removeprefix("undecided: "),
             ),
         ]
 
