@@ -116,8 +116,11 @@ def list_place(key: str) -> str:
 
 
 def indexed_name(key: str) -> str:
-    """Return a key as a person says it, with the exciter or the place in a list: "critical slip of exciter 2"."""
+    """Return a key as a person says it, with exciter, spring or place in a list: "critical slip of exciter 2"."""
     name, place, section = display_name(key), list_place(key), key.partition(".")[0]
+    if section == "springs":
+        _, spring, key = key.split(".", 2)
+        return f"{indexed_name(key)} of spring {spring}"
     if not place:
         return name
     return f"{name} of {section[:-1]} {place}" if section in ("exciters", "motors") else f"{name} ({place})"

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from vibroplat.config.consistency import given_by_exciters
+from vibroplat.config.consistency import given_by_exciters, given_elsewhere
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
@@ -96,7 +96,7 @@ def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = No
         ends = math.inf if scene.run.initial.from_ is not None else scene.run.duration_s
     notes += [_unreached(scene, ends), _coarse(scene)] if of_run else []
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
-    notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
+    notes += _notes_on_defaults([("machine", scene.machine, given_elsewhere(scene)), *motors])
     return [note for note in notes if note]
 
 

@@ -87,7 +87,7 @@ class Statistics:
     points
         Number of the last points of the Poincaré section that are kept; 0: measures are not cut to whole turns.
     named
-        Number of the scene's named points.
+        Number of the scene's points that are measured.
     blocks
         In how many parts a motion is measured, each with its own extremes; see :meth:`end_block`.
     scope
