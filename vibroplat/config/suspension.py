@@ -20,7 +20,7 @@ MIN_HOLD = 1e-9
 #: of a mode from which on a coordinate is named.
 AXES = ("x", "y", "phi")
 _MOVES = {"x": "x", "y": "y", "phi": "rotation"}
-NAMED_FRACTION = 0.05
+NAMED_FRACTION = 0.01
 
 
 class PlacedSpring(NamedTuple):

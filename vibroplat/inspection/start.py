@@ -1,7 +1,7 @@
 """A start in averaged equations: which resonances the motors pass, with how much torque, and where the exciters end.
 
 Speeds ω_i, lag δ and complex amplitudes q = Re[Q exp(iθ₁)] of x, y, φ, or of the modes that springs beside the centre
-of mass make of them, change slowly over a turn. With u_i as in :mod:`vibroplat.inspection.linear`, of the modes, inertia
+of mass make of them, change slowly over a turn. With u_i of the modes as in :mod:`vibroplat.inspection.linear`, inertia
 M, damping b and stiffness c of a mode and J_i of an exciter,
 
     (2iω₁M + b) Q̇ = Σ u_i exp(−iδ_i) (ω_i² − iω̇_i) − (c − Mω₁² + iω₁b + iω̇₁M) Q,     δ₁ = 0, δ₂ = δ,

@@ -18,7 +18,7 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input
 from vibroplat.config.scene import Scene
-from vibroplat.config.suspension import AXES, natural_modes
+from vibroplat.config.suspension import AXES, natural_modes, placed_springs
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
 from vibroplat.inspection.linear import ComplexArray
@@ -64,6 +64,7 @@ INSPECTION: Columns = {
     "stroke_far_above_m": Column("stroke far above resonance", "2 (k_1 + k_2) / M, peak to peak"),
     "isolation": Column("transmissibility along y", "√(1 + (2Dr)²) / √((1 − r²)² + (2Dr)²), r = ω / ω_y"),
     "loaded_change": Column("change of the ranges in 32 turns with material that jumps", "0 if it does not"),
+    "spring_sags": Column("static sag of the springs of section springs", "with the material", kind=TEXT),
     "material_mass_kg": Column("mass of the material", "m_w"),
     "throw_angle_rad": Column("angle of throw to the deck, with transport", "longer axis of the path; above 0: to +x"),
     "path_ratio": Column("ratio of the axes of the path of the deck", "0: a line, 1: a circle; with transport"),
@@ -101,7 +102,7 @@ INSPECTION: Columns = {
     **_each(dict(zip(AXES, AXES, strict=True)), {
         "natural_frequency_{}_hz": Column("natural frequency of {}", "√(c/M) / 2π; empty machine; of the mode near it"),
         "damping_ratio_{}": Column("damping ratio of {}", "b / (2√(cM)); empty machine; of the mode near it"),
-        "mode_{}": Column("what moves in the mode near {}", "over 5 % of the kinetic energy", kind=TEXT),
+        "mode_{}": Column("what moves in the mode near {}", "over 1 % of the kinetic energy", kind=TEXT),
     }),
     **_each({"": " without material", "loaded_": " with the material"}, {
         "{}mass_kg": Column("mass on the springs{}", "platform, unbalances and material"),
@@ -300,6 +301,8 @@ def _statics(scene: Scene) -> dict[str, float | str]:
         weight = total * scene.gravity[1]
         values |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
         values[f"{prefix}static_sag_m"] = weight / scene.suspension.stiffness_y
+    if scene.springs is not None:
+        values["spring_sags"] = ", ".join(f"{name} {quantity(sag, 'm')}" for name, sag in _sags(scene).items())
     modes = natural_modes(scene)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = 0.5 * modes.damping / (modes.inertia * modes.speeds)
@@ -308,6 +311,13 @@ def _statics(scene: Scene) -> dict[str, float | str]:
     for i, frequency in enumerate(linear.loaded_frequencies(scene), start=1):
         values[f"natural_frequency_y_loaded_{i}_hz"] = frequency
     return values
+
+
+def _sags(scene: Scene) -> dict[str, float]:
+    """Find the static sag of each spring with the material in contact (m)."""
+    weight = (scene.platform_mass + sum(scene.layer_masses)) * scene.gravity[1]
+    _, y, phi = np.linalg.lstsq(np.array(scene.suspension.stiffness), np.array([0.0, -weight, 0.0]))[0].tolist()
+    return {name: -(y + phi * spring.place[0]) for name, spring in placed_springs(scene).items()}
 
 
 def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dict[str, float]:

@@ -84,12 +84,12 @@ def resisted(p: SimpleNamespace = P) -> Iterator[Resistance]:
         yield Resistance(name, symbol(f"q_{name}"), symbol(f"v_{name}"), scalar(force))
 
 
-def unless_needed(outputs: list[Output]) -> list[str]:
-    """Write the line that leaves a function where springs at the centre of mass make all its outputs 0, if they do."""
-    none = dict.fromkeys(COUPLINGS, ZERO)
-    if not all(substituted(o.value, none).is_zero for o in outputs):
-        return []
-    return [f"    if {' and '.join(f'{text_of(one, {})} == 0.0' for one in COUPLINGS)}:", "        return"]
+def has_beyond() -> str:
+    """Write whether forces are more than the slopes by the own coordinates: springs at the centre of mass are not."""
+    nodes = [r.beyond for p in (P, OF_FOUNDATION) for r in resisted(p)]
+    without = [substituted(node, dict.fromkeys(COUPLINGS, ZERO)) for node in nodes]
+    couples = " or ".join(f"{text_of(one, {})} != 0.0" for one in COUPLINGS)
+    return f"def has_beyond(p):\n    return {couples if all(node.is_zero for node in without) else 'True'}\n"
 
 
 def damped() -> list[str]:
@@ -167,7 +167,7 @@ def curved_means() -> str:
     within = ["y, weight = samples[i + 1], weights[i]", *loads(o.value for o in outputs)]
     within += lines_of([o._replace(value=local("weight") * o.value) for o in outputs])
     lines = [f"        {line.strip().replace('] = ', '] += ')}" for line in within]
-    return of_system(head, ["    out[:] = 0.0", *unless_needed(outputs), "    for i in range(nodes):", *lines])
+    return of_system(head, ["    out[:] = 0.0", "    for i in range(nodes):", *lines])
 
 
 def pulls_beyond() -> str:
@@ -179,7 +179,7 @@ def pulls_beyond() -> str:
     if not outputs:
         return f"def {head}:\n    pass\n"
     lines = [line.replace("] = ", "] += ") for line in lines_of(outputs)]
-    return of_system(head, [*unless_needed(outputs), "    y = samples[row]", *loads(o.value for o in outputs), *lines])
+    return of_system(head, ["    y = samples[row]", *loads(o.value for o in outputs), *lines])
 
 
 def foundation_forces() -> str:

@@ -78,7 +78,8 @@ def put_quantities(samples: FloatArray, row: int, system: int, room: Any, p: Par
     pulls = load_4(samples, row, 0) * load_4(room.springs, 0, 0) + load_4(samples, row, n) * load_4(room.springs, 1, 0)
     store(join(first, second), room.quantities, row, 0)
     store(join(pulls, zero(pulls) + np.nan), room.quantities, row, PULL_X)
-    add_pulls_beyond(samples, row, system, room.quantities, PULL_X, p)
+    if room.beyond != 0:
+        add_pulls_beyond(samples, row, system, room.quantities, PULL_X, p)
     if room.named > 0:
         for j in range(POINTS, COLUMNS, EIGHT):
             moved = load_2(samples, row, 0) + samples[row, 2] * load_8(room.levers, 0, j - POINTS)

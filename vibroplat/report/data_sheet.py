@@ -137,10 +137,10 @@ def point_columns(points: Iterable[str] = _ANY, springs: Iterable[str] = _ANY, p
                 "magnitude; its stiffness along y times the displacement of its place; without its damper",
             ),
         }
-        for how, definition in (("amplitude", "half the difference of maximum and minimum"), ("max", "magnitude")):
-            meaning = f"{'dynamic amplitude of' if how == 'amplitude' else 'maximum'} the force along x in each spring"
-            if placed:
-                columns[f"spring_force_x_{how}_{name}_n"] = Column(f"{meaning} {name}", definition)
+        across = {"amplitude": ("dynamic amplitude of the", "half the difference of maximum and minimum")}
+        for how, (what, definition) in (across | {"max": ("maximum", "magnitude")}).items() if placed else ():
+            meaning = f"{what} force along x in each spring {name}"
+            columns[f"spring_force_x_{how}_{name}_n"] = Column(meaning, definition)
     return columns
 
 
