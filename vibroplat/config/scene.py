@@ -56,7 +56,7 @@ _SCALES = (
     "state_scales",
 )
 #: Sections on which none of this depends.
-_APART = frozenset(("run", "solver", "output"))
+_APART = frozenset(("run", "solver"))
 
 
 def _plain(value: Any) -> Any:
@@ -210,14 +210,14 @@ class Scene(Section):
         """What all springs and dampers between platform and foundation make together."""
         return suspension(self)
 
-    @property
+    @cached_property
     def measured_points(self) -> dict[str, tuple[float, float]]:
         """The named points, then the places of springs, from the common centre of mass (m): as many as are measured."""
         springs = {} if self.springs is None else placed_springs(self)
         points = self.named_points | {f"springs.{name}": spring.place for name, spring in springs.items()}
         return dict(islice(points.items(), MAX_NAMED_POINTS))
 
-    @property
+    @cached_property
     def measured_springs(self) -> dict[str, tuple[int, PlacedSpring]]:
         """The springs whose forces are reported, by their names, and the numbers of their points."""
         numbers, prefix = {name: i for i, name in enumerate(self.measured_points)}, "springs." * bool(self.springs)

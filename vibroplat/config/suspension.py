@@ -74,6 +74,8 @@ def placed_springs(scene: Any) -> dict[str, PlacedSpring]:
     """
     x_c, y_c = scene.body.centre
     if scene.springs is None:
+        if not scene.output.springs:
+            return {}
         share = scene.machine.stiffness_y_n_per_m / (sum(scene.output.springs.values()) or 1)
         places = scene.named_points
         return {

@@ -64,7 +64,7 @@ INSPECTION: Columns = {
     "stroke_far_above_m": Column("stroke far above resonance", "2 (k_1 + k_2) / M, peak to peak"),
     "isolation": Column("transmissibility along y", "√(1 + (2Dr)²) / √((1 − r²)² + (2Dr)²), r = ω / ω_y"),
     "loaded_change": Column("change of the ranges in 32 turns with material that jumps", "0 if it does not"),
-    "spring_sags": Column("static sag of the springs of section springs", "with the material", kind=TEXT),
+    "spring_sags": Column("smallest and largest static sag of springs", "with the material; of placed ones", kind=TEXT),
     "material_mass_kg": Column("mass of the material", "m_w"),
     "throw_angle_rad": Column("angle of throw to the deck, with transport", "longer axis of the path; above 0: to +x"),
     "path_ratio": Column("ratio of the axes of the path of the deck", "0: a line, 1: a circle; with transport"),
@@ -302,7 +302,9 @@ def _statics(scene: Scene) -> dict[str, float | str]:
         values |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
         values[f"{prefix}static_sag_m"] = weight / scene.suspension.stiffness_y
     if scene.springs is not None:
-        values["spring_sags"] = ", ".join(f"{name} {quantity(sag, 'm')}" for name, sag in _sags(scene).items())
+        sags = sorted((sag, name) for name, sag in _sags(scene).items())
+        ends = [f"{quantity(sag, 'm')} ({name})" for sag, name in (sags[0], sags[-1])]
+        values["spring_sags"] = " … ".join(ends)
     modes = natural_modes(scene)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = 0.5 * modes.damping / (modes.inertia * modes.speeds)
@@ -314,10 +316,11 @@ def _statics(scene: Scene) -> dict[str, float | str]:
 
 
 def _sags(scene: Scene) -> dict[str, float]:
-    """Find the static sag of each spring with the material in contact (m)."""
+    """Find the static sag of each spring that is not off, with the material in contact (m)."""
     weight = (scene.platform_mass + sum(scene.layer_masses)) * scene.gravity[1]
     _, y, phi = np.linalg.lstsq(np.array(scene.suspension.stiffness), np.array([0.0, -weight, 0.0]))[0].tolist()
-    return {name: -(y + phi * spring.place[0]) for name, spring in placed_springs(scene).items()}
+    springs = {name: spring for name, spring in placed_springs(scene).items() if spring.stiffness[1]}
+    return {name: -(y + phi * spring.place[0]) for name, spring in springs.items()}
 
 
 def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dict[str, float]:
