@@ -63,8 +63,9 @@ def configuration_page() -> str:
         "another file, whose name is relative to the extending file. Keys of the extending file override them, and",
         "`--set` overrides both. If two keys exclude each other, the overriding key is used:",
         "`--set exciters.1.unbalance_radius_m=0.06` replaces a static moment in the file. The symbols are those of",
-        "[the model](model.md). Typical values are from screens and feeders in industry; `vibroplat new FILE --template",
-        "screen` writes such a machine. Scaled units are defined in [How it works](method.md#scaled-units).",
+        "[the model](model.md). Typical values are from screens and feeders in industry; `vibroplat new FILE",
+        "--template screen` writes such a machine. Scaled units are defined in",
+        "[How it works](method.md#scaled-units).",
         "This page is written by `vibroplat schema --markdown`.",
     ]
     sections = groupby(keys().values(), key=lambda key: key.name.partition(".")[0] if "." in key.name else "")

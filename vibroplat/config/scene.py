@@ -349,9 +349,9 @@ class Scene(Section):
     @property
     def fastest_decay(self) -> float:
         """Largest decay rate (1/s) of the platform's modes and the exciters' speeds, each taken alone."""
-        _, _, inertia, damping, stiffness = natural_modes(self)
-        half = 0.5 * (damping / inertia)
-        rates: list[float] = (half + np.sqrt(np.maximum(half * half - stiffness / inertia, 0.0))).tolist()
+        _, _, masses, damping, stiffness = natural_modes(self)
+        half = 0.5 * (damping / masses)
+        rates: list[float] = (half + np.sqrt(np.maximum(half * half - stiffness / masses, 0.0))).tolist()
         for exciter, inertia in zip(self.exciter_pair, self.exciter_inertias, strict=True):
             slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(self.drive.largest_frequency)
             rates.append(slope / inertia)

@@ -169,7 +169,7 @@ def nodes(model: type[BaseModel]) -> dict[str, Node]:
 def _walk(section: Mapping[str, Any], sections: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Node]]:
     for name, schema in section["properties"].items():
         choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]
-        named = next(iter(choices[0].get("patternProperties", {}).values()), {})
+        named: Mapping[str, Any] = next(iter(choices[0].get("patternProperties", {}).values()), {})
         inside = choices[0].get("$ref") or choices[0].get("items", {}).get("$ref") or named.get("$ref")
         yield f"{prefix}{name}", Node(schema, choices, name in section.get("required", ()), inside is not None)
         if inside:

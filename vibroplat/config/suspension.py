@@ -32,14 +32,14 @@ class PlacedSpring(NamedTuple):
         From the common centre of mass (m).
     stiffness, damping
         Of each along x and y (N/m, N·s/m); 0 of what is off.
-    count
+    number
         How many there are.
     """
 
     place: tuple[float, float]
     stiffness: tuple[float, float]
     damping: tuple[float, float]
-    count: int
+    number: int
 
 
 class Suspension(NamedTuple):
@@ -106,7 +106,7 @@ def suspension(scene: Any) -> Suspension:
         damping = machine.damping_x_n_s_per_m, machine.damping_y_n_s_per_m, machine.damping_phi_n_m_s_per_rad
         return Suspension(_matrix(*stiffness, 0.0, 0.0), _matrix(*damping, 0.0, 0.0))
     springs = placed_springs(scene).values()
-    return Suspension(*(_sum((s.place, s[i], s.count) for s in springs) for i in (1, 2)))
+    return Suspension(*(_sum((s.place, s[i], s.number) for s in springs) for i in (1, 2)))
 
 
 def _sum(parts: Any) -> Matrix:
