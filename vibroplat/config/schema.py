@@ -179,8 +179,8 @@ def _walk(section: Mapping[str, Any], sections: Mapping[str, Any], prefix: str) 
 
 def in_lists(path: Sequence[str]) -> str:
     """Join the parts of a dotted name, with ``N`` for each place in a list and ``NAME`` for a name by a user."""
-    own = path[0] in NAMED
-    return ".".join(ANY if own and i == 1 else "N" if part.isdigit() else part for i, part in enumerate(path))
+    own = 1 if path and path[0] in NAMED else None
+    return ".".join(ANY if i == own else "N" if part.isdigit() else part for i, part in enumerate(path))
 
 
 def explain(error: ValidationError, model: type[BaseModel]) -> str:

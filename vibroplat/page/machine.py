@@ -109,7 +109,7 @@ def scale_of(machine: Mapping[str, Any]) -> float:
     """Return units of the drawing in a metre."""
     reach = [abs(x) + 1.25 * radius for (x, _), radius in zip(machine["axes"], machine["radii"], strict=True)]
     reach += [abs(x) for x, _ in machine["springs"] or ()]
-    return HALF / max(*reach, float(machine["half"]), 1e-6)
+    return HALF / float(max(*reach, machine["half"], 1e-6))
 
 
 class Sizes(NamedTuple):
