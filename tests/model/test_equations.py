@@ -225,7 +225,9 @@ def test_the_source_states_lagranges_equations():
     fields = {"mass": mass, "inertia": inertia, "gravity": g, "slope": slope, "deck_height": height}
     fields |= {"material_mass": moving, "stiffness_x": c_x, "stiffness_y": c_y, "stiffness_phi": c_phi}
     fields |= {"damping_x": b_x, "damping_y": b_y, "damping_phi": b_phi, "lower_mass": m_w1, "upper_mass": m_w2}
-    fields |= dict(zip(("stiffness_x_phi", "stiffness_y_phi", "damping_x_phi", "damping_y_phi"), couplings, strict=True))
+    fields |= dict(
+        zip(("stiffness_x_phi", "stiffness_y_phi", "damping_x_phi", "damping_y_phi"), couplings, strict=True)
+    )
     fields |= {"layer_stiffness": c_w / m_w2, "layer_damping": b_w / m_w2}
     known = {parameter(name): value for name, value in fields.items()} | {symbol("force"): contact}
     known[symbol("friction")] = friction
