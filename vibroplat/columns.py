@@ -79,8 +79,9 @@ def unit_of(name: str) -> str:
 
 @cache
 def split(name: str) -> tuple[str, str]:
-    """Return the last part of a dotted key, or a column, without the unit at its end, and the unit."""
-    last = name.rpartition(".")[2]
+    """Return the last part of a dotted key that is no place in a list, or a column, without its unit, and the unit."""
+    *_, before, last = "", *name.split(".")
+    last = before if last.isdecimal() else last
     found = next((end for end in UNITS if last.endswith(f"_{end}")), None)
     return (last, "") if found is None else (last.removesuffix(f"_{found}"), UNITS[found])
 

@@ -58,11 +58,7 @@ PARAMETERS = np.dtype(
         ("layer_damping", float),  # b_w / m_w2 (1/s)
         ("restitution", float),  # R
         ("sticking_speed", float),  # slower impacts have no restitution (m/s)
-        (
-            "point_x",
-            float,
-            (MAX_NAMED_POINTS,),
-        ),  # points of the platform that are measured, from the common centre of mass (m)
+        ("point_x", float, (MAX_NAMED_POINTS,)),  # measured points of the platform, from the common centre of mass (m)
         ("point_y", float, (MAX_NAMED_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
