@@ -18,8 +18,9 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
 from vibroplat.config.schema import MINUS, in_lists, sections, short
-from vibroplat.config.sections import OF_EXCITERS, OF_SPRINGS, Exciter, Initial, Material, Motor, Spring
+from vibroplat.config.sections import OF_EXCITERS, OF_SPRINGS, Exciter, Initial, Material, Motor
 from vibroplat.config.study_plans import PLANS
+from vibroplat.config.suspension import Spring
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.

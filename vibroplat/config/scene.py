@@ -35,11 +35,10 @@ from vibroplat.config.sections import (
     Material,
     Motor,
     Run,
-    Spring,
     Transport,
 )
 from vibroplat.config.study_plans import PLANS, BasinsPlan, DesignPlan, FindPlan
-from vibroplat.config.suspension import PlacedSpring, Suspension, natural_modes, placed_springs, suspension
+from vibroplat.config.suspension import PlacedSpring, Spring, Suspension, natural_modes, placed_springs, suspension
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import load_provided
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from functools import lru_cache
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from vibroplat.config.coordinates import TURN
+from vibroplat.config.schema import NonNegative, Positive, Real, Section, described
 
 #: Rows of a matrix of x, y and φ.
 Matrix = tuple[tuple[float, float, float], ...]
@@ -21,6 +23,66 @@ MIN_HOLD = 1e-9
 AXES = ("x", "y", "phi")
 _MOVES = {"x": "x", "y": "y", "phi": "rotation"}
 NAMED_FRACTION = 0.01
+
+
+#: Ways to give the stiffness of a spring along y.
+STIFFNESSES = ("stiffness_y_n_per_m", "sag_m", "natural_frequency_hz")
+
+
+class Spring(Section):
+    """A spring with its damper, or several that are alike at one place."""
+
+    position_m: Annotated[list[Real], Field(min_length=2, max_length=2)] = described(
+        ...,
+        "p_s",
+        "place [x, y] at which the spring holds the platform, measured from the platform's own centre of mass",
+        "0.2 … 3 each",
+    )
+    stiffness_y_n_per_m: Positive | None = described(
+        None, "c_s,y", "stiffness along y of each spring of this name", "natural frequency 2 … 4 Hz"
+    )
+    sag_m: Positive | None = described(
+        None,
+        "",
+        "sag of the spring under its part of the weight of machine and material, instead of stiffness_y_n_per_m; all "
+        "springs, those that are off too, carry equal parts",
+        "0.01 … 0.05",
+    )
+    natural_frequency_hz: Positive | None = described(
+        None,
+        "",
+        "natural frequency along y of the spring under its part of the mass of machine and material, instead of "
+        "stiffness_y_n_per_m",
+        "2 … 4",
+    )
+    stiffness_x_n_per_m: NonNegative | None = described(
+        None, "c_s,x", "stiffness along x of each spring; this or stiffness_ratio must be given"
+    )
+    stiffness_ratio: NonNegative | None = described(
+        None, "c_s,x / c_s,y", "stiffness along x divided by that along y, instead of stiffness_x_n_per_m", "0.4 … 1"
+    )
+    damping_x_n_s_per_m: NonNegative = described(
+        0.0, "b_s,x", "damping along x of each spring", "damping ratio 0.02 … 0.1"
+    )
+    damping_y_n_s_per_m: NonNegative = described(
+        0.0, "b_s,y", "damping along y of each spring", "damping ratio 0.02 … 0.1"
+    )
+    count: Annotated[int, Field(ge=1, le=1000)] = described(
+        1, "", "number of springs at this place, all alike", "1 … 4"
+    )
+    off: bool = Field(False, description="true: the springs are broken or taken out, and hold nothing")
+
+    alternatives: ClassVar[tuple[tuple[str, str], ...]] = (
+        *((STIFFNESSES[i], STIFFNESSES[j]) for i, j in ((0, 1), (0, 2), (1, 2))),
+        ("stiffness_x_n_per_m", "stiffness_ratio"),
+    )
+
+    @model_validator(mode="after")
+    def _has_stiffnesses(self) -> Self:
+        for ways in (STIFFNESSES, ("stiffness_x_n_per_m", "stiffness_ratio")):
+            if not self._given().intersection(ways):
+                raise ValueError(f"no {ways[0]} is given; allowed: {' or '.join(ways)}")
+        return self
 
 
 class PlacedSpring(NamedTuple):
