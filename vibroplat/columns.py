@@ -79,8 +79,9 @@ def unit_of(name: str) -> str:
 
 @cache
 def split(name: str) -> tuple[str, str]:
-    """Return the last part of a dotted key, or a column, without the unit at its end, and the unit."""
-    last = name.rpartition(".")[2]
+    """Return the last part of a dotted key that is no place in a list, or a column, without its unit, and the unit."""
+    *_, before, last = "", *name.split(".")
+    last = before if last.isdecimal() else last
     found = next((end for end in UNITS if last.endswith(f"_{end}")), None)
     return (last, "") if found is None else (last.removesuffix(f"_{found}"), UNITS[found])
 
@@ -116,8 +117,11 @@ def list_place(key: str) -> str:
 
 
 def indexed_name(key: str) -> str:
-    """Return a key as a person says it, with the exciter or the place in a list: "critical slip of exciter 2"."""
+    """Return a key as a person says it, with exciter, spring or place in a list: "critical slip of exciter 2"."""
     name, place, section = display_name(key), list_place(key), key.partition(".")[0]
+    if section == "springs":
+        _, spring, key = key.split(".", 2)
+        return f"{indexed_name(key)} of spring {spring}"
     if not place:
         return name
     return f"{name} of {section[:-1]} {place}" if section in ("exciters", "motors") else f"{name} ({place})"

@@ -23,6 +23,7 @@ LONG = {
     "What the machine really is",
     "Acceleration and its spectrum",
     "Springs for a force",
+    "A spring breaks",
     "Is it accurate?",
     "Excel, MATLAB",
     "Progress in a notebook",

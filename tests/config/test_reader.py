@@ -33,6 +33,8 @@ def test_name_is_that_given_or_the_stem_of_the_file(here, scene_of):
 
 #: What is told of machines, whose files say how material is that others put on them.
 BARE = "there is no material, as its mass is 0"
+#: Said of a conveyor that another laboratory built so: its start is short, and its springs hardly damp.
+RINGS = "free vibrations decay by e in 14.8 s"
 
 
 @pytest.mark.parametrize("room", ["", "machines", "templates", "paper", "examples"])
@@ -42,7 +44,8 @@ def test_shipped_configurations_load_and_those_of_machines_are_usual(room):
     for scene in scenes if room != "examples" else ():
         notes = notes_on_input(scene)
         notes += notes_on_inputs(SweepStudy(scene).scenes()) if scene.sweep is not None else []
-        assert [note for note in notes if not note.startswith(HINT) and not (room == "machines" and BARE in note)] == []
+        known = (BARE, RINGS) if room == "machines" else ()
+        assert [note for note in notes if not note.startswith(HINT) and not any(one in note for one in known)] == []
 
 
 def test_numbers_of_yaml_are_numbers(scene_of, complaint):

@@ -33,6 +33,8 @@ def derived():
     torques = sp.symbols("torque1 torque2")
     # gravity along the deck, height of the deck, and mass of the material where it moves along that
     transport = slope, height, moving = sp.symbols("g_x h m_w")
+    # springs beside the centre of mass, which couple x and y with the rotation
+    couplings = c_x_phi, c_y_phi, b_x_phi, b_y_phi = sp.symbols("c_xphi c_yphi b_xphi b_yphi")
     # where the masses sit in the platform, the unbalances lumped at their axes; O is the centre of mass of these three
     masses = (m_0, m_r1, m_r2)
     places = [sp.Matrix([0, 0]), sp.Matrix([x_1, y_1]), sp.Matrix([x_2, y_2])]
@@ -48,6 +50,8 @@ def derived():
     kinetic = (j_0 * vphi**2 + j_1 * w1**2 + j_2 * w2**2) / 2
     potential = (c_x * x**2 + c_y * y**2 + c_phi * phi**2 + c_w * upper**2) / 2
     dissipation = (b_x * vx**2 + b_y * vy**2 + b_phi * vphi**2 + b_w * vupper**2) / 2
+    potential += (c_x_phi * x + c_y_phi * y) * phi
+    dissipation += (b_x_phi * vx + b_y_phi * vy) * vphi
     q, v = sp.Matrix(coordinates), sp.Matrix(rates)
     for mass, position in bodies:
         velocity = position.jacobian(q) * v
@@ -69,17 +73,17 @@ def derived():
         assert sp.Poly(expanded, sp.sin(phi), sp.cos(phi)).total_degree() <= 1
         return expanded.subs({sp.sin(phi): phi, sp.cos(phi): 1})
 
-    given = coordinates, rates, (*common, *exciters), torques, transport
+    given = coordinates, rates, (*common, *exciters), torques, (*transport, *couplings)
     return given, matrix.applyfunc(to_first_order), forces.applyfunc(to_first_order)
 
 
 @cache
 def lagrange():
-    """Return a function of (coordinates, rates, constants, torques), without transport: mass matrix and forces."""
+    """Return a function of (coordinates, rates, constants, torques), without transport and couplings by springs."""
     import sympy as sp
 
-    (coordinates, rates, constants, torques, transport), matrix, forces = derived()
-    plain = dict.fromkeys(transport, 0)
+    (coordinates, rates, constants, torques, more), matrix, forces = derived()
+    plain = dict.fromkeys(more, 0)
     result = (matrix[:7, :7].subs(plain), forces[:7, :].subs(plain))
     return sp.lambdify((coordinates[:7], rates[:7], constants, torques), result, modules="numpy", cse=True)
 
@@ -208,7 +212,7 @@ def test_the_source_states_lagranges_equations():
     """All rows, symbol by symbol, with transport; exact to first order in φ, as the axes are."""
     import sympy as sp
 
-    (q, v, constants, torques, (slope, height, moving)), matrix, forces = derived()
+    (q, v, constants, torques, (slope, height, moving, *couplings)), matrix, forces = derived()
     m_0, j_0, c_x, c_y, c_phi, b_x, b_y, b_phi, g, m_w1, m_w2, c_w, b_w = constants[:13]
     masses, radii, rotors, axes = constants[13:15], constants[15:17], constants[17:19], constants[19:]
     mass, a, (contact, friction) = m_0 + sum(masses), sp.symbols("a:8", real=True), sp.symbols("F_c F_t")
@@ -221,6 +225,9 @@ def test_the_source_states_lagranges_equations():
     fields = {"mass": mass, "inertia": inertia, "gravity": g, "slope": slope, "deck_height": height}
     fields |= {"material_mass": moving, "stiffness_x": c_x, "stiffness_y": c_y, "stiffness_phi": c_phi}
     fields |= {"damping_x": b_x, "damping_y": b_y, "damping_phi": b_phi, "lower_mass": m_w1, "upper_mass": m_w2}
+    fields |= dict(
+        zip(("stiffness_x_phi", "stiffness_y_phi", "damping_x_phi", "damping_y_phi"), couplings, strict=True)
+    )
     fields |= {"layer_stiffness": c_w / m_w2, "layer_damping": b_w / m_w2}
     known = {parameter(name): value for name, value in fields.items()} | {symbol("force"): contact}
     known[symbol("friction")] = friction

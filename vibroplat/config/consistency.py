@@ -7,7 +7,7 @@ from typing import Any
 
 from vibroplat.config.coordinates import ALONG, COORDINATES, RATES
 from vibroplat.config.plans import FREQUENCY
-from vibroplat.config.sections import OF_EXCITERS
+from vibroplat.config.sections import OF_EXCITERS, OF_SPRINGS
 
 #: Most turns at the synchronous speed that a run may take: half a day of computing.
 MAX_TURNS = 1e9
@@ -17,7 +17,8 @@ MAX_TURNS_SUNDAE = 5e7
 
 def require_consistent(scene: Any) -> None:
     """Refuse a scene whose sections do not go together (ValueError)."""
-    _require_exciters_once(scene)
+    _require_once(scene)
+    _require_held(scene)
     _require_transportable(scene)
     _require_bounded(scene)
     _require_possible_state(scene)
@@ -34,11 +35,31 @@ def given_by_exciters(scene: Any) -> set[str]:
     return keys
 
 
-def _require_exciters_once(scene: Any) -> None:
-    """Refuse numbers of exciters that are given in two ways."""
-    for name in OF_EXCITERS if scene.exciters is not None else ():
-        if name in scene.machine.model_fields_set:
-            raise ValueError(f"exciters and machine.{name} are both given; allowed: one of the two")
+def given_elsewhere(scene: Any) -> set[str]:
+    """Return the keys of the machine that exciters or springs give instead."""
+    return given_by_exciters(scene) | set(OF_SPRINGS if scene.springs is not None else ())
+
+
+def _require_once(scene: Any) -> None:
+    """Refuse numbers of exciters and springs that are given in two ways."""
+    for section, names in {"exciters": OF_EXCITERS, "springs": OF_SPRINGS}.items():
+        for name in names if getattr(scene, section) is not None else ():
+            if name in scene.machine.model_fields_set:
+                raise ValueError(f"{section} and machine.{name} are both given; allowed: one of the two")
+    if scene.springs is not None and scene.output.springs:
+        raise ValueError("springs and output.springs are both given; allowed: springs, whose forces are reported")
+
+
+def _require_held(scene: Any) -> None:
+    """Refuse springs on which the machine tips over: along y and in rotation they must hold it."""
+    if scene.springs is None or scene.suspension.holds:
+        return
+    off = [f"springs.{name}.off" for name, spring in scene.springs.items() if spring.off]
+    without = f" with {' and '.join(off)}" if off else ""
+    raise ValueError(
+        f"springs: the machine tips over{without}; allowed: springs at two places or more that differ in x, or all of "
+        "them at the common centre of mass"
+    )
 
 
 def _require_transportable(scene: Any) -> None:

@@ -12,7 +12,7 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from vibroplat.columns import unit_of
-from vibroplat.config.consistency import given_by_exciters
+from vibroplat.config.consistency import given_elsewhere
 from vibroplat.config.kinds import KINDS
 from vibroplat.config.reader import configurations, load_tree
 from vibroplat.config.scene import Scene
@@ -107,10 +107,11 @@ def configuration_schema() -> dict[str, Any]:
     schema = {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Scene.model_json_schema()
     schema["title"] = "vibroplat configuration"
     schema["properties"]["extends"] = {"type": "string", "description": "file whose values this one overrides"}
-    for section in schema["$defs"].values():
+    for section in (schema, *schema["$defs"].values()):
         for key in section["properties"].values():
-            if "patternProperties" in key:  # names that users give
-                key["additionalProperties"] = False
+            for choice in key.get("anyOf", [key]):
+                if "patternProperties" in choice:  # names that users give
+                    choice["additionalProperties"] = False
     return schema
 
 
@@ -164,7 +165,7 @@ def template(machine: str, file: str, name: str, *, full: bool = False) -> str:
     if not full:
         return "\n".join([*about, head, *text[len(about) :]]) + "\n"
     scene = Scene.from_tree(given)
-    elsewhere = {f"machine.{key}" for key in given_by_exciters(scene)}
+    elsewhere = {f"machine.{key}" for key in given_elsewhere(scene)}
     lines: list[str] = [*about, _HEAD + head]
     above: list[str] = []
     values = scene.to_tree()
@@ -188,7 +189,7 @@ def _in_places(given: Mapping[str, Any]) -> Iterator[tuple[str, Key]]:
     """Yield all keys with their names, those in lists for each item that a configuration has, but no absent motors."""
     for section, group in groupby(keys().values(), key=lambda key: key.name.partition(".")[0]):
         inside = list(group)
-        if section not in given and section in ("motor", "motors", "exciters"):
+        if section not in given and section in ("motor", "motors", "exciters", "springs"):
             continue
         for index in range(len(given[section]) if isinstance(given.get(section), list) else 1):
             yield from ((key.name.replace(f"{section}.N.", f"{section}.{index}."), key) for key in inside)

@@ -13,12 +13,13 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
-from vibroplat.config.consistency import given_by_exciters
+from vibroplat.config.consistency import given_by_exciters, given_elsewhere
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, quantity
 from vibroplat.config.keys import value_at
 from vibroplat.config.scene import Scene
 from vibroplat.config.sections import Exciter, Motor
+from vibroplat.config.suspension import natural_modes
 from vibroplat.config.unread import BARE, INELASTIC, NOT_RANDOM, unread_by_command, unread_by_scene, unread_by_study
 
 #: Torque over the weight's largest moment m r g that carries an unbalance which hangs past its upper position in one
@@ -88,7 +89,7 @@ def notes_on_input(scene: Scene, *, of_run: bool = True, ends: float | None = No
         ends = math.inf if scene.run.initial.from_ is not None else scene.run.duration_s
     notes += [_unreached(scene, ends), _coarse(scene)] if of_run else []
     motors = [(name, motor, motor.replaced()) for name, motor in _motors(scene)]
-    notes += _notes_on_defaults([("machine", scene.machine, given_by_exciters(scene)), *motors])
+    notes += _notes_on_defaults([("machine", scene.machine, given_elsewhere(scene)), *motors])
     return [note for note in notes if note]
 
 
@@ -210,16 +211,17 @@ def _no_effect(unread: Mapping[str, str], of_choices: str = WARNING) -> list[str
 def quantities(scene: Scene) -> Iterator[UsualRange]:
     """Yield what of a scene has a usual range."""
     machine, drive, initial = scene.machine, scene.drive, scene.run.initial
-    oscillators = scene.oscillators.T.tolist()
-    for (axis, spring, damper), (mass, damping, stiffness) in zip(_AXES, oscillators, strict=True):
+    modes, of_machine = natural_modes(scene), "machine." if scene.springs is None else "springs."
+    oscillators = zip(modes.inertia.tolist(), modes.damping.tolist(), modes.stiffness.tolist(), strict=True)
+    for (axis, spring, damper), name, (mass, damping, stiffness) in zip(_AXES, modes.names, oscillators, strict=True):
         frequency = math.sqrt(stiffness / mass) / TURN if stiffness > 0.0 else None
-        yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"machine.{spring}",), f"natural frequency {{}} in {axis}")
-        keys = (f"machine.{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
+        yield UsualRange(frequency, 1.0, 150.0, "Hz", (f"{of_machine}{spring}",), f"natural frequency {{}} in {name}")
+        keys = (f"{of_machine}{damper}", *(["contact.viscous_per_mass_per_s"] if axis == "y" else []))
         ratio = _damping_ratio(damping, stiffness, mass)
-        yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {axis}")
+        yield UsualRange(ratio, 0.0, 1.0, "", keys, f"damping ratio {{}} in {name}")
     weight = (scene.platform_mass + sum(scene.layer_masses)) * machine.gravity_m_per_s2
-    sag = weight / machine.stiffness_y_n_per_m
-    yield UsualRange(sag, 0.0, 0.05, "m", ("machine.stiffness_y_n_per_m",), "static sag {}")
+    sag = weight / scene.suspension.stiffness_y
+    yield UsualRange(sag, 0.0, 0.05, "m", (f"{of_machine}stiffness_y_n_per_m",), "static sag {}")
     yield UsualRange(scene.mass_ratio, 0.0, 5.0, "", ("material.mass_ratio",))
     ratio = _damping_ratio(scene.layer_spring[1], scene.layer_spring[0], 1.0)
     keys = ("material.damping_ratio", "material.damping_n_s_per_m")
@@ -238,9 +240,11 @@ def quantities(scene: Scene) -> Iterator[UsualRange]:
     yield UsualRange(initial.speed_ratio, -1.5, 1.5, "", ("run.initial.speed_ratio",))
     for key in ("phase_difference_rad", "phi1_rad"):
         yield UsualRange(getattr(initial, key), -LARGE_PHASE, LARGE_PHASE, "rad", (f"run.initial.{key}",))
-    for i, (x, y) in enumerate(exciter.position_m or (0.0, 0.0) for exciter in scene.exciters or ()):
-        text = f"exciters.{i}.position_m: {{}} from the centre of mass"
-        yield UsualRange(math.hypot(x, y), 0.0, LARGE_DISTANCE, "m", (), text)
+    places = {f"exciters.{i}": exciter.position_m or (0.0, 0.0) for i, exciter in enumerate(scene.exciters or ())}
+    places |= {f"springs.{name}": spring.position_m for name, spring in (scene.springs or {}).items()}
+    for name, place in places.items():
+        text = f"{name}.position_m: {{}} from the centre of mass"
+        yield UsualRange(math.hypot(*place), 0.0, LARGE_DISTANCE, "m", (), text)
     for key in ("x_m", "y_m") if initial.state is not None else ():
         yield UsualRange(getattr(initial.state, key), -1.0, 1.0, "m", (f"run.initial.state.{key}",))
     for name, motor in _motors(scene):
@@ -308,11 +312,14 @@ def _weakly_damped(scene: Scene) -> str:
 
     They decay at the rate b / 2M, and the second half of a run is measured. Material damps y.
     """
-    weak, enough, decay = [], [], 0.0
-    for (axis, _, key), (mass, damping, stiffness) in zip(_AXES, scene.oscillators.T.tolist(), strict=True):
+    weak, enough, decay, modes = [], [], 0.0, natural_modes(scene)
+    oscillators = zip(modes.inertia.tolist(), modes.damping.tolist(), modes.stiffness.tolist(), strict=True)
+    for (axis, _, key), name, (mass, damping, stiffness) in zip(_AXES, modes.names, oscillators, strict=True):
         critical = 2.0 * math.sqrt(stiffness * mass)
         if damping < MIN_DAMPING_RATIO * critical and not (axis == "y" and scene.has_contact):
-            weak.append(f"machine.{key} = {given(getattr(scene.machine, key))}")
+            of_springs = f"damping ratio {number(damping / critical, 2)} in {name}"
+            given_one = f"machine.{key} = {given(getattr(scene.machine, key))}"
+            weak.append(given_one if scene.springs is None else of_springs)
             enough.append(number(0.01 * critical))
             decay = max(decay, 2.0 * mass / damping if damping else math.inf)
     shortest = 2.0 * decay * math.log(1.0 / MAX_REMAINDER)
@@ -322,10 +329,9 @@ def _weakly_damped(scene: Scene) -> str:
     if math.isfinite(decay):
         size, limit = quantity(decay, "s"), quantity(shortest, "s", digits=2)
         contains = f"decay by e in {size}, so a run below {limit} contains"
-    return (
-        f"{WARNING}{', '.join(weak)}: free vibrations {contains} what its start leaves; {', '.join(enough)} would be "
-        "1 % of critical damping"
-    )
+    helps = f"{', '.join(enough)} would be 1 % of critical damping" if scene.springs is None else "more damping helps"
+    what = ("springs: " if scene.springs is not None else "") + ", ".join(weak)
+    return f"{WARNING}{what}: free vibrations {contains} what its start leaves; {helps}"
 
 
 def _unreached(scene: Scene, ends: float) -> str:

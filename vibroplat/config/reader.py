@@ -18,8 +18,9 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode
 
 from vibroplat.config.drive import Drive
 from vibroplat.config.schema import MINUS, in_lists, or_thousands, sections, short
-from vibroplat.config.sections import OF_EXCITERS, Exciter, Initial, Material, Motor
+from vibroplat.config.sections import OF_EXCITERS, OF_SPRINGS, Exciter, Initial, Material, Motor
 from vibroplat.config.study_plans import PLANS
+from vibroplat.config.suspension import Spring
 from vibroplat.errors import ConfigError
 
 #: Key that ``--engine`` is short for.
@@ -47,6 +48,7 @@ ALTERNATIVES: dict[str, tuple[tuple[str, str], ...]] = {
     "motor": Motor.alternatives,
     "motors.N": Motor.alternatives,
     "exciters.N": Exciter.alternatives,
+    "springs.NAME": Spring.alternatives,
     "material": Material.alternatives,
     "drive": Drive.alternatives,
     "run.initial": Initial.alternatives,
@@ -276,7 +278,8 @@ def _without_quotations(problem: object) -> str:
 def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "") -> dict[str, Any]:
     """Override ``lower`` with ``upper``: merge sections key by key, replace other values and :data:`REPLACED`.
 
-    Exciters are merged one by one, also with a lower layer that gives their numbers in ``motor`` and ``machine``. An
+    Exciters are merged one by one, also with a lower layer that gives their numbers in ``motor`` and ``machine``, and
+    springs by their names; they replace those that ``machine`` gives in a lower layer. An
     entry of any list is overridden by its place, as in ``exciters.1.critical_slip``, and all by N in its stead.
 
     Raises
@@ -293,6 +296,8 @@ def merge(lower: Mapping[str, Any], upper: Mapping[str, Any], section: str = "")
         )
     if not section and upper.get("exciters") is not None and merged.get("exciters") is None:
         merged = _move_to_exciters(merged)
+    if not section and upper.get("springs") is not None and isinstance(merged.get("machine"), Mapping):
+        merged["machine"] = {key: value for key, value in merged["machine"].items() if key not in OF_SPRINGS}
     if not section and isinstance(upper.get("motors"), Mapping) and merged.get("motors") is None:
         merged["motors"] = [merged.get("motor") or {}] * 2
     for pair in ALTERNATIVES.get(in_lists(section.split(".")), ()):

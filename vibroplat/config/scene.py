@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import islice
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -19,13 +20,13 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 from vibroplat.config.arguments import instance_of
 from vibroplat.config.body import RigidBody, rigid_body
 from vibroplat.config.computation import Output, Solver
-from vibroplat.config.consistency import given_by_exciters, require_consistent
-from vibroplat.config.coordinates import TURN, Mode
+from vibroplat.config.consistency import given_elsewhere, require_consistent
+from vibroplat.config.coordinates import MAX_NAMED_POINTS, TURN, Mode
 from vibroplat.config.drive import Drive, SupplyInterval
 from vibroplat.config.fit_plan import FitPlan
 from vibroplat.config.plans import OrbitsPlan, SweepPlan
 from vibroplat.config.reader import merge, nest
-from vibroplat.config.schema import NAME, PERTURBATION, PLAIN_NAME, Section, described, explain
+from vibroplat.config.schema import NAME, PERTURBATION, PLAIN_NAME, POINT_NAME, Section, described, explain
 from vibroplat.config.sections import (
     OF_EXCITERS,
     ROTATIONS,
@@ -38,19 +39,30 @@ from vibroplat.config.sections import (
     Transport,
 )
 from vibroplat.config.study_plans import PLANS, BasinsPlan, DesignPlan, FindPlan
+from vibroplat.config.suspension import PlacedSpring, Spring, Suspension, natural_modes, placed_springs, suspension
 from vibroplat.errors import ConfigError
 from vibroplat.extensions import load_provided
 
 #: Sections from which the numbers of exciters and rigid body come, the names of both, and of what else is kept.
 EXCITERS_FROM = frozenset(("machine", "motor", "motors", "exciters"))
 _FOUND = frozenset(("exciter_pair", "body"))
-_SCALES = ("unbalances", "synchronous_speeds", "speed_scale", "length_scale", "force_scale", "state_scales")
+_SCALES = (
+    "suspension",
+    "unbalances",
+    "synchronous_speeds",
+    "speed_scale",
+    "length_scale",
+    "force_scale",
+    "state_scales",
+)
 #: Sections on which none of this depends.
-_APART = frozenset(("run", "solver", "output"))
+_APART = frozenset(("run", "solver"))
 
 
 def _plain(value: Any) -> Any:
-    """Turn a section, or a list of some, into the keys and values that it was given."""
+    """Turn a section, or a list of some or some by names, into the keys and values that it was given."""
+    if isinstance(value, dict):
+        return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     return value.model_dump(exclude_unset=True, by_alias=True) if isinstance(value, BaseModel) else value
@@ -82,6 +94,12 @@ class Scene(Section):
         None,
         description="a list of both exciters if they differ, instead of motor and of the machine's radius and rotor "
         "inertia",
+    )
+    springs: Annotated[dict[Annotated[str, Field(pattern=POINT_NAME)], Spring], Field(min_length=1)] | None = Field(
+        None,
+        description="springs of the platform by their names, where they sit, instead of the machine's stiffnesses and "
+        "dampings, whose springs act at the common centre of mass; forces are reported for as many of them as fit "
+        f"beside output.points, {MAX_NAMED_POINTS} together",
     )
     material: Material = Field(Material(), description="the material on the platform")
     contact: Contact = Field(Contact(), description="contact between material and platform")
@@ -193,11 +211,24 @@ class Scene(Section):
         x_c, y_c = self.body.centre
         return {name: (x - x_c, y - y_c) for name, (x, y) in self.output.points.items()}
 
-    @property
-    def spring_stiffness(self) -> float:
-        """Stiffness along y of each of the springs of ``output.springs`` (N/m); 0 without any."""
-        count = sum(self.output.springs.values())
-        return self.machine.stiffness_y_n_per_m / count if count else 0.0
+    @cached_property
+    def suspension(self) -> Suspension:
+        """What all springs and dampers between platform and foundation make together."""
+        return suspension(self)
+
+    @cached_property
+    def measured_points(self) -> dict[str, tuple[float, float]]:
+        """The named points, then the places of springs, from the common centre of mass (m): as many as are measured."""
+        springs = {} if self.springs is None else placed_springs(self)
+        points = self.named_points | {f"springs.{name}": spring.place for name, spring in springs.items()}
+        return dict(islice(points.items(), MAX_NAMED_POINTS))
+
+    @cached_property
+    def measured_springs(self) -> dict[str, tuple[int, PlacedSpring]]:
+        """The springs whose forces are reported, by their names, and the numbers of their points."""
+        numbers, prefix = {name: i for i, name in enumerate(self.measured_points)}, "springs." * bool(self.springs)
+        springs = {f"{prefix}{name}": spring for name, spring in placed_springs(self).items()}
+        return {name.removeprefix(prefix): (numbers[name], of) for name, of in springs.items() if name in numbers}
 
     @property
     def co_rotating(self) -> bool:
@@ -312,20 +343,21 @@ class Scene(Section):
 
     @property
     def oscillators(self) -> NDArray[np.float64]:
-        """Inertias, dampings and stiffnesses of x, y, φ, shape (3, 3), without material that may lift off."""
-        machine = self.machine
-        return np.array([
-            [self.platform_mass, self.platform_mass, self.body.inertia],
-            [machine.damping_x_n_s_per_m, self.damping_y, machine.damping_phi_n_m_s_per_rad],
-            [machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m, machine.stiffness_phi_n_m_per_rad],
-        ])  # fmt: skip
+        """Inertias, dampings and stiffnesses of x, y, φ, shape (3, 3), without material that may lift off.
+
+        Springs beside the common centre of mass couple these (:attr:`suspension`): then each is that of one coordinate
+        while the others are held.
+        """
+        damping, stiffness = (np.diag(matrix) for matrix in self.suspension[::-1])
+        masses = [self.platform_mass, self.platform_mass, self.body.inertia]
+        return np.array([masses, [damping[0], self.damping_y, damping[2]], stiffness])
 
     @property
     def fastest_decay(self) -> float:
-        """Largest decay rate (1/s) of x, y, φ and the exciters' speeds, each taken alone."""
-        inertia, damping, stiffness = self.oscillators
-        half = 0.5 * (damping / inertia)
-        rates: list[float] = (half + np.sqrt(np.maximum(half * half - stiffness / inertia, 0.0))).tolist()
+        """Largest decay rate (1/s) of the platform's modes and the exciters' speeds, each taken alone."""
+        _, _, masses, damping, stiffness = natural_modes(self)
+        half = 0.5 * (damping / masses)
+        rates: list[float] = (half + np.sqrt(np.maximum(half * half - stiffness / masses, 0.0))).tolist()
         for exciter, inertia in zip(self.exciter_pair, self.exciter_inertias, strict=True):
             slope = 2.0 * exciter.critical_torque_n_m / exciter.critical_slip_speed(self.drive.largest_frequency)
             rates.append(slope / inertia)
@@ -377,9 +409,10 @@ class Scene(Section):
     @property
     def damping_y(self) -> float:
         """b_y, plus β m_w in the non-impact model (N·s/m)."""
+        damping = self.suspension.damping[1][1]
         if self.contact.model == "non-impact":
-            return self.machine.damping_y_n_s_per_m + self.contact.viscous_per_mass_per_s * self.material_mass
-        return self.machine.damping_y_n_s_per_m
+            return damping + self.contact.viscous_per_mass_per_s * self.material_mass
+        return damping
 
     def plan_of(self, kind: str) -> Any:
         """Return the section of a kind of study; raises ConfigError if the scene has none."""
@@ -427,6 +460,8 @@ class Scene(Section):
         changed, known = {*given, *nested}, self.__dict__
         if not EXCITERS_FROM.isdisjoint(changed):  # these replace one another
             changed, known = changed | EXCITERS_FROM, {}
+        if "springs" in changed:
+            changed.add("machine")
         present = ((name, getattr(self, name)) for name in self.model_fields_set)
         tree = {name: _plain(section) if name in changed else section for name, section in present}
         kept = {"set_keys": self.set_keys} | {name: known[name] for name in _FOUND & known.keys()}
@@ -441,7 +476,7 @@ class Scene(Section):
         """Return all keys as nested plain values, including defaults; the inverse of :meth:`from_tree`."""
         tree = self.model_dump(mode="json", exclude_none=True, by_alias=True)
         self.leave_out_replaced(tree)
-        for name in given_by_exciters(self):
+        for name in given_elsewhere(self):
             del tree["machine"][name]
         return tree
 

@@ -53,6 +53,8 @@ _ALLOWED = {
 NAME, POINT_NAME = r"^[\p{L}\p{N}][\p{L}\p{M}\p{N}._+-]*$", r"^[A-Za-z][A-Za-z0-9_]{0,39}$"
 _PUNCTUATION = r"\x00-*,/:-@[-^`{-\xa0"
 PLAIN_NAME = rf"^[^{_PUNCTUATION}+._-][^{_PUNCTUATION}]*$"
+#: Sections of a scene that hold sections with names by users, and what stands for these names.
+NAMED, ANY = ("springs",), "NAME"
 #: Letters that English lacks, as they are spelt there.
 _SPELT = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "o", "ł": "l"}
@@ -164,8 +166,8 @@ class Node(NamedTuple):
 def nodes(model: type[BaseModel]) -> dict[str, Node]:
     """Return all keys and sections of a model by their dotted names, each section before its keys.
 
-    ``N`` in a name is a place in a list, as in ``motors.N.pole_pairs``. All that is said of keys comes from here: the
-    messages about mistakes, the list of keys, the template and the pages.
+    ``N`` in a name is a place in a list, as in ``motors.N.pole_pairs``, and ``NAME`` one that users give. All that is
+    said of keys comes from here: the messages about mistakes, the list of keys, the template and the pages.
     """
     schema = model.model_json_schema()
     return dict(_walk(schema, schema.get("$defs", {}), ""))
@@ -174,16 +176,18 @@ def nodes(model: type[BaseModel]) -> dict[str, Node]:
 def _walk(section: Mapping[str, Any], sections: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Node]]:
     for name, schema in section["properties"].items():
         choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]
-        inside = choices[0].get("$ref") or choices[0].get("items", {}).get("$ref")
+        named: Mapping[str, Any] = next(iter(choices[0].get("patternProperties", {}).values()), {})
+        inside = choices[0].get("$ref") or choices[0].get("items", {}).get("$ref") or named.get("$ref")
         yield f"{prefix}{name}", Node(schema, choices, name in section.get("required", ()), inside is not None)
         if inside:
-            item = "N." if "items" in choices[0] else ""
+            item = "N." if "items" in choices[0] else f"{ANY}." if named else ""
             yield from _walk(sections[inside.rpartition("/")[2]], sections, f"{prefix}{name}.{item}")
 
 
 def in_lists(path: Sequence[str]) -> str:
-    """Join the parts of a dotted name, with ``N`` for each place in a list."""
-    return ".".join("N" if part.isdigit() else part for part in path)
+    """Join the parts of a dotted name, with ``N`` for each place in a list and ``NAME`` for a name by a user."""
+    own = 1 if path and path[0] in NAMED else None
+    return ".".join(ANY if i == own else "N" if part.isdigit() else part for i, part in enumerate(path))
 
 
 def explain(error: ValidationError, model: type[BaseModel]) -> str:

@@ -36,6 +36,12 @@ T = TypeVar("T", float, NDArray[np.float64])
 #: Keys of the machine that the section ``exciters`` gives for each exciter instead.
 OF_EXCITERS = ("unbalance_radius_m", "rotor_inertia_kg_m2")
 
+#: Keys of the machine that the section ``springs`` gives for each spring instead.
+OF_SPRINGS = (
+    *("stiffness_x_n_per_m", "stiffness_y_n_per_m", "stiffness_phi_n_m_per_rad"),
+    *("damping_x_n_s_per_m", "damping_y_n_s_per_m", "damping_phi_n_m_s_per_rad"),
+)
+
 #: Keys of a motor that are read from its nameplate; the frequency may also be given without the others.
 NAMEPLATE = ("rated_power_w", "rated_speed_rpm", "breakdown_ratio", "rated_frequency_hz")
 

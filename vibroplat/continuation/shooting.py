@@ -205,7 +205,7 @@ MAX_IDLE = 4
 def _likeness_of(scene: Scene, keys: Sequence[str], course: tuple[float, float] | None) -> tuple[Any, ...]:
     """Return what scenes have in common whose shots one shooter can take: with keys, all of it."""
     own = (scene, *keys, course) if keys else ()
-    return scene.solver, chosen_engine(scene), scene.modes, scene.coordinates, len(scene.output.points), *own
+    return scene.solver, chosen_engine(scene), scene.modes, scene.coordinates, len(scene.measured_points), *own
 
 
 class Shooter:
@@ -247,7 +247,7 @@ class Shooter:
             SET_DIRECTIONS: self._set_with_directions,
         }
         self._variation = Variation([self.p.copy()] * len(self.keys))
-        self._statistics = Statistics(0.0, 0, len(scene.output.points), scope=WITH_EXTREMES)
+        self._statistics = Statistics(0.0, 0, len(scene.measured_points), scope=WITH_EXTREMES)
         self._measured = packed(self._statistics.measures)
         self._statistics.measures = unpacked(self._measured, self._statistics.measures)
         answers = self.answers

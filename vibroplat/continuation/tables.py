@@ -14,7 +14,7 @@ from vibroplat.continuation.branch_tasks import MAX_MULTIPLIERS, ComputedBranch,
 from vibroplat.continuation.codim2 import ComputedBoundary
 from vibroplat.continuation.special_points import KINDS
 from vibroplat.observe.tables import TRAJECTORY
-from vibroplat.report.data_sheet import SHEET, point_columns
+from vibroplat.report.data_sheet import SHEET, point_columns, points_of
 from vibroplat.report.summary import MEASURES
 from vibroplat.study.branches import EXCITATION, SUPPLY, column_of, study_table
 from vibroplat.study.point import MEASURED, POINT
@@ -91,7 +91,7 @@ def make_tables(
     key, present = column_of(plan.key), sorted({i for branch in traced for i in branch.family.scene.coordinates})
     state = [names[i] for names in (COORDINATES, RATES) for i in present]  # coordinates that none has are absent
     columns = [key, *(name for name in BRANCHES if name not in STATE and name not in SHEET)]
-    named = {name: c for branch in traced for name, c in point_columns(branch.family.scene.output).items()}
+    named = {name: c for branch in traced for name, c in points_of(branch.family.scene).items()}
     points = [
         _columns(branch, row, key, parent=branch.parent, point=point)
         for branch in traced

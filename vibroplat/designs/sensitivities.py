@@ -13,7 +13,7 @@ from vibroplat.columns import TEXT, Column, Columns, is_angle
 from vibroplat.config.keys import number_of
 from vibroplat.config.plausibility import HINT
 from vibroplat.config.scene import Scene
-from vibroplat.config.schema import did_you_mean, in_lists, nodes
+from vibroplat.config.schema import ANY, did_you_mean, in_lists, nodes
 from vibroplat.continuation.first_orbit import OrbitError
 from vibroplat.continuation.newton import NoConvergenceError
 from vibroplat.continuation.orbit import Orbit, with_orbit_tolerance
@@ -79,7 +79,7 @@ def varied_keys(scene: Scene) -> list[str]:
     for name, node in nodes(Scene).items():
         if node.is_section or name.partition(".")[0] not in SECTIONS:
             continue
-        for key in [name] if ".N." not in name else [name.replace(".N.", f".{i}.") for i in range(2)]:
+        for key in _places(scene, name):
             value = value_of(scene, key)
             if not isinstance(value, float) or value == 0.0:
                 continue
@@ -133,8 +133,15 @@ def tolerances_of_keys(scene: Scene, given: Mapping[str, float]) -> tuple[dict[s
 def _given_keys(scene: Scene, section: str) -> list[str]:
     """List the keys of a section that have a value, those in lists at each place."""
     names = [name for name, node in nodes(Scene).items() if name.startswith(f"{section}.") and not node.is_section]
-    places = [name.replace(".N.", f".{i}.") for name in names for i in range(1 + (".N." in name))]
+    places = [place for name in names for place in _places(scene, name)]
     return [name for name in places if value_of(scene, name) is not None]
+
+
+def _places(scene: Scene, name: str) -> list[str]:
+    """Return a key, or where it is in a list or has names by users, the keys of a scene that it stands for."""
+    if f".{ANY}." in name:
+        return [name.replace(ANY, own, 1) for own in scene.springs or ()]
+    return [name.replace(".N.", f".{i}.") for i in range(1 + (".N." in name))]
 
 
 def require_keys(scene: Scene, keys: Sequence[str], where: str) -> None:

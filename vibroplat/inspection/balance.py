@@ -18,14 +18,13 @@ import numpy as np
 from vibroplat.config.circular import wrap
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import natural_modes
 from vibroplat.inspection.linear import (
     ComplexArray,
     FloatArray,
     couplings,
-    natural_speeds,
     own_torques,
     platform_torques,
-    receptances,
 )
 
 #: Number of lags and of evenly spaced speeds that are looked at, and of further speeds around each resonance.
@@ -114,9 +113,9 @@ def motor_torques(scene: Scene, supply: Supply, speeds: FloatArray) -> FloatArra
 
 def speed_grid(scene: Scene) -> FloatArray:
     """Return speeds up to the synchronous one, closer to each other around resonances."""
-    inertia, damping, _ = scene.oscillators
+    modes = natural_modes(scene)
     spread = np.tan(np.linspace(-1.5, 1.5, NEAR))[:, np.newaxis]
-    near = natural_speeds(scene) + 0.5 * damping / inertia * spread
+    near = modes.speeds + 0.5 * modes.damping / modes.inertia * spread
     evenly = np.linspace(0.0, scene.speed_scale, SPEEDS + 1)[1:]
     return np.unique([*evenly, *near[(near > 0.0) & (near < scene.speed_scale)]])
 
@@ -176,12 +175,13 @@ def speed_alone(scene: Scene, supply: Supply, exciter: int, near: float, carried
 
 
 def holding_stiffness(scene: Scene, balance: Balance) -> FloatArray:
-    """Return how much the vibration of each axis holds the lag of a balance (N·m/rad), shape (3,); below 0 it drives.
+    """Return how much the vibration of each mode holds the lag of a balance (N·m/rad), shape (3,); below 0 it drives.
 
     It is the difference of both torques by the platform, derived by the lag.
     """
-    u, turn = couplings(scene), np.exp(-1j * balance.lag)
-    answers = receptances(scene, np.array([balance.speed]))[0]
+    modes, w, turn = natural_modes(scene), balance.speed, np.exp(-1j * balance.lag)
+    u = couplings(scene) @ modes.shapes
+    answers = 1.0 / (modes.stiffness - modes.inertia * w * w + 1j * w * modes.damping + 1e-300)
     both = np.conj(u[0]) * u[1] * turn + np.conj(u[1]) * u[0] / turn
     return np.asarray(0.5 * balance.speed**4 * np.real(answers * both))
 

@@ -80,7 +80,7 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
         return f"empty {text}" if load else ""
 
     weighed = "loaded_" if math.isfinite(v["loaded_mass_kg"]) else ""
-    yield "mass", *_mass(v), f"sag {texts[f'{weighed}static_sag_m']}"
+    yield "mass", *_mass(v), f"sag {v['spring_sags'] or texts[f'{weighed}static_sag_m']}"
     moments, force = " + ".join(number(v[f"static_moment_{i}_kg_m"]) for i in (1, 2)), both(load + FORCE)
     fastest = max(v[f"{load}excitation_frequency_{i}_hz"] for i in (1, 2))
     alike = v[f"{load}excitation_frequency_1_hz"] == v[f"{load}excitation_frequency_2_hz"]
@@ -97,7 +97,8 @@ def _rows(v: Numbers) -> Iterator[tuple[str, ...]]:
     with_load = " and ".join(frequency for frequency in contact if frequency != MISSING)
     damping = ", ".join(percent(v[f"damping_ratio_{axis}"]) for axis in axes[:3])
     resting = f"with material y {with_load}" if with_load else ""
-    yield "resonances (Hz)", f"x {x}, y {y}, φ {phi}", resting, f"damping {damping}"
+    near = [f"{v[f'mode_{axis}'].replace('phi', 'φ')} {size}" for axis, size in zip(axes[:3], (x, y, phi), strict=True)]
+    yield "resonances (Hz)", ", ".join(near), resting, f"damping {damping}"
     yield "foundation force", _foundation(v, load), *_beside(v, load)
     yield "torque at rest", both("starting_torque_{}_n_m"), f"to lift {both('lifting_torque_{}_n_m')}", _passing(v)
     power, friction = f"power {texts[f'{load}motor_power_w']}", f"friction {both('friction_torque_{}_n_m')}"
@@ -202,7 +203,8 @@ def _synchronization(v: Numbers, load: str, synchronous: str) -> Iterator[str]:
         )
     if v["holding_axis"]:
         resonance = quantity(v[f"natural_frequency_{v['holding_axis']}_hz"], "Hz", digits=3)
-        yield f"resonance of {v['holding_axis'].replace('phi', 'φ')} ({resonance}) decides"
+        name = v[f"mode_{v['holding_axis']}"].replace("phi", "φ")
+        yield f"resonance of {name} ({resonance}) decides"
     yield v["coexisting"] and (f"{v['coexisting']} is stable, too" if none else f"also {v['coexisting']}")
     yield f"holds torques {quantity(v['holding_torque_n_m'], 'N·m')} apart"
 

@@ -5,7 +5,8 @@ motion, the platform's exact one, and an impulse with restitution R wherever the
 platform. The fundamental of the platform's motion gives the dynamic mass of the material: that of a body on the
 platform which changes amplitude and phase alike. Its real part over m_w is the fraction of the material that moves
 along, its imaginary part damps. With it the formulas of :mod:`vibroplat.inspection.linear` hold for the loaded machine
-(a describing function). Range: exciters that turn evenly; means over turns where the material jumps irregularly.
+(a describing function). Range: exciters that turn evenly; means over turns where the material jumps irregularly;
+springs that hardly couple y with φ, whose answer to the material's impacts is left out.
 
 How fast material moves along the deck, by formulas of practice, and up to which friction its contact is unique.
 
@@ -91,7 +92,7 @@ def loaded_motion(scene: Scene, speed: float, steady: ComplexArray, *, settle: b
 def _yielding(scene: Scene, speed: float, carried: ComplexArray) -> ComplexArray:
     """Return the ratio of the amplitudes along y with a dynamic mass (kg) to those without."""
     at = np.full(carried.size, speed)
-    return np.asarray(receptances(scene, at, carried)[:, 1] / receptances(scene, at)[:, 1])
+    return np.asarray(receptances(scene, at, carried)[:, 1, 1] / receptances(scene, at)[:, 1, 1])
 
 
 def _follow(
@@ -179,7 +180,7 @@ def _free_motion(scene: Scene, ratio: float, step: float, least_damping: float =
 def _dynamic_mass(scene: Scene, speed: float, steady: ComplexArray, loaded: ComplexArray) -> ComplexArray:
     """Return the mass that changes the steady amplitude into the loaded one; all of it where nothing moves."""
     still = np.abs(steady) * speed**2 < 1e-2 * scene.gravity[1]
-    dynamic = 1.0 / receptances(scene, np.array([speed]))[0, 1]
+    dynamic = 1.0 / receptances(scene, np.array([speed]))[0, 1, 1]
     ratio = steady / np.where(still, 1.0, loaded)
     return np.asarray(np.where(still, sum(scene.layer_masses), dynamic * (1.0 - ratio) / speed**2))
 

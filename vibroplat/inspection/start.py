@@ -1,7 +1,8 @@
 """A start in averaged equations: which resonances the motors pass, with how much torque, and where the exciters end.
 
-Speeds ω_i, lag δ and complex amplitudes q = Re[Q exp(iθ₁)] of x, y, φ change slowly over a turn. With u_i as in
-:mod:`vibroplat.inspection.linear`, inertia M, damping b and stiffness c of an axis and J_i of an exciter,
+Speeds ω_i, lag δ and complex amplitudes q = Re[Q exp(iθ₁)] of x, y, φ, or of the modes that springs beside the centre
+of mass make of them, change slowly over a turn. With u_i of the modes as in :mod:`vibroplat.inspection.linear`, inertia
+M, damping b and stiffness c of a mode and J_i of an exciter,
 
     (2iω₁M + b) Q̇ = Σ u_i exp(−iδ_i) (ω_i² − iω̇_i) − (c − Mω₁² + iω₁b + iω̇₁M) Q,     δ₁ = 0, δ₂ = δ,
     J_i ω̇_i = L_i − L_R,i + ½ Im[conj(u_i exp(−iδ_i)) · (ω₁² Q − 2iω₁Q̇ − iω̇₁Q)],       δ̇ = ω₁ − ω₂.
@@ -24,6 +25,7 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
 from vibroplat.config.schema import PERTURBATION
 from vibroplat.config.sections import Initial, Run
+from vibroplat.config.suspension import natural_modes
 from vibroplat.inspection.balance import final_supply, motor_torques, net_torques, supply_at
 from vibroplat.inspection.linear import FloatArray, couplings, natural_speeds
 
@@ -85,7 +87,8 @@ def averaged_start(
 
 def _advance(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
     """Return starts a step later."""
-    u, (inertia, damping, stiffness) = couplings(scene), scene.oscillators
+    shapes, _, inertia, damping, stiffness = natural_modes(scene)
+    u = couplings(scene) @ shapes
     rotors, top = np.array(scene.exciter_inertias), scene.speed_scale
     speeds, rates, lag, amplitudes, change, factors = now
     pair = np.stack([speeds, speeds + SLIGHT * top])
@@ -110,8 +113,8 @@ def _advance(scene: Scene, now: _Lanes, time: float, step: float) -> _Lanes:
 
 def _steps(scene: Scene, most: int) -> tuple[float, int]:
     """Return the length (s) and the number of the steps of a start, at most so many after the supply's last change."""
-    u, rotors, top = couplings(scene), sum(scene.exciter_inertias), scene.speed_scale
-    inertia, damping, stiffness = scene.oscillators
+    shapes, _, inertia, damping, stiffness = natural_modes(scene)
+    u, rotors, top = couplings(scene) @ shapes, sum(scene.exciter_inertias), scene.speed_scale
     scale = natural_speeds(scene) * (np.abs(u).sum(axis=0) ** 2 / (4.0 * inertia * rotors)) ** (1.0 / 3.0)
     ratio = 0.5 * float((damping / np.sqrt(np.maximum(inertia * stiffness, 1e-300)))[stiffness > 0.0].min(initial=1.0))
     step = min(STEP / max(float(scale.max()), 1e-3 * top), float(np.clip(TURNED * ratio, *TURNED_ENDS)) / top)

@@ -18,6 +18,7 @@ from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import given, number, percent, quantity
 from vibroplat.config.plausibility import SWING_TORQUE_RATIO, WARNING, by_severity, notes_on_input, set_in_vain
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import AXES, natural_modes, placed_springs
 from vibroplat.hybrid.state import rest_under
 from vibroplat.inspection import balance, linear
 from vibroplat.inspection.balance import Balance, Supply, motor_torques
@@ -65,6 +66,7 @@ INSPECTION: Columns = {
     "stroke_far_above_m": Column("stroke far above resonance", "2 (k_1 + k_2) / M, peak to peak"),
     "isolation": Column("transmissibility along y", "√(1 + (2Dr)²) / √((1 − r²)² + (2Dr)²), r = ω / ω_y"),
     "loaded_change": Column("change of the ranges in 32 turns with material that jumps", "0 if it does not"),
+    "spring_sags": Column("smallest and largest static sag of springs", "with the material; of placed ones", kind=TEXT),
     "material_mass_kg": Column("mass of the material", "m_w"),
     "throw_angle_rad": Column("angle of throw to the deck, with transport", "longer axis of the path; above 0: to +x"),
     "path_ratio": Column("ratio of the axes of the path of the deck", "0: a line, 1: a circle; with transport"),
@@ -99,14 +101,15 @@ INSPECTION: Columns = {
         "motor_torque_{}_n_m": Column("mean torque of motor {}", "Kloss at the expected speed"),
         "natural_frequency_y_loaded_{}_hz": Column("natural frequency {} along y with material in contact"),
     }),
-    **_each(dict(zip(linear.AXES, linear.AXES, strict=True)), {
-        "natural_frequency_{}_hz": Column("natural frequency of {}", "√(c/M) / 2π; empty machine"),
-        "damping_ratio_{}": Column("damping ratio of {}", "b / (2√(cM)); empty machine"),
+    **_each(dict(zip(AXES, AXES, strict=True)), {
+        "natural_frequency_{}_hz": Column("natural frequency of {}", "√(c/M) / 2π; empty machine; of the mode near it"),
+        "damping_ratio_{}": Column("damping ratio of {}", "b / (2√(cM)); empty machine; of the mode near it"),
+        "mode_{}": Column("what moves in the mode near {}", "over 1 % of the kinetic energy", kind=TEXT),
     }),
     **_each({"": " without material", "loaded_": " with the material"}, {
         "{}mass_kg": Column("mass on the springs{}", "platform, unbalances and material"),
         "{}static_force_n": Column("weight on the springs{}"),
-        "{}static_sag_m": Column("static sag{}", "weight / c_y"),
+        "{}static_sag_m": Column("static sag{}", "weight / c_y; of the centre of mass"),
         "{}stroke_x_m": Column("stroke along x{}", "peak to peak"),
         "{}stroke_y_m": Column("stroke along y{}", "peak to peak"),
         "{}stroke_phi_rad": Column("rotation of the platform{}", "peak to peak"),
@@ -289,23 +292,37 @@ def _tones(scene: Scene, turning: Turning) -> list[Tone]:
     return [Tone(speed, linear.amplitudes_alone(scene, i, speed)) for i, speed in speeds if speed]
 
 
-def _statics(scene: Scene) -> dict[str, float]:
-    """Find masses, natural frequencies, sag and weight."""
+def _statics(scene: Scene) -> dict[str, float | str]:
+    """Find masses, natural frequencies and what moves there, sag and weight."""
     mass, load, p = scene.platform_mass, sum(scene.layer_masses), parameters(scene)
-    values = {"stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass, "material_mass_kg": scene.material_mass}
+    values: dict[str, float | str] = {
+        "stroke_far_above_m": 2.0 * sum(scene.unbalances) / mass,
+        "material_mass_kg": scene.material_mass,
+    }
     for prefix, total in {"": mass, **({"loaded_": mass + load} if load else {})}.items():
         weight = total * scene.gravity[1]
         values |= {f"{prefix}mass_kg": total, f"{prefix}static_force_n": weight}
         values[f"{prefix}static_sag_m"] = -rest_under((0.0, -weight, 0.0, 0.0, 0.0), p)[1]
-    natural = linear.natural_speeds(scene)
-    inertia, damping, _ = scene.oscillators
+    if scene.springs is not None:
+        sags = sorted((sag, name) for name, sag in _sags(scene).items())
+        ends = [f"{quantity(sag, 'm')} ({name})" for sag, name in (sags[0], sags[-1])]
+        values["spring_sags"] = " … ".join(ends)
+    modes = natural_modes(scene)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratios = 0.5 * damping / (inertia * natural)
-    for axis, speed, ratio in zip(linear.AXES, natural.tolist(), ratios.tolist(), strict=True):
-        values |= {f"natural_frequency_{axis}_hz": speed / TURN, f"damping_ratio_{axis}": ratio}
+        ratios = 0.5 * modes.damping / (modes.inertia * modes.speeds)
+    for axis, name, speed, ratio in zip(AXES, modes.names, modes.speeds.tolist(), ratios.tolist(), strict=True):
+        values |= {f"natural_frequency_{axis}_hz": speed / TURN, f"damping_ratio_{axis}": ratio, f"mode_{axis}": name}
     for i, frequency in enumerate(linear.loaded_frequencies(scene), start=1):
         values[f"natural_frequency_y_loaded_{i}_hz"] = frequency
     return values
+
+
+def _sags(scene: Scene) -> dict[str, float]:
+    """Find the static sag of each spring that is not off, with the material in contact (m)."""
+    weight = (scene.platform_mass + sum(scene.layer_masses)) * scene.gravity[1]
+    _, y, phi = np.linalg.lstsq(np.array(scene.suspension.stiffness), np.array([0.0, -weight, 0.0]))[0].tolist()
+    springs = {name: spring for name, spring in placed_springs(scene).items() if spring.stiffness[1]}
+    return {name: -(y + phi * spring.place[0]) for name, spring in springs.items()}
 
 
 def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dict[str, float]:
@@ -332,16 +349,16 @@ def _of_motors(scene: Scene, supply: Supply, speeds: tuple[float, float]) -> dic
 
 def _vibration(scene: Scene, tones: Sequence[Tone]) -> dict[str, float]:
     """Find strokes and forces; those of exciters that turn at different speeds where both vibrations add."""
-    _, damping, stiffness = scene.oscillators
-    damping[1] = scene.machine.damping_y_n_s_per_m  # what acts on material does not reach the foundation
+    # what acts on material does not reach the foundation
+    stiffness, damping = (np.array(matrix) for matrix in scene.suspension)
     gravity = scene.gravity[1]
     strokes, forces, throw, isolation = np.zeros(3), np.zeros(3), 0.0, math.nan
     for speed, amplitudes in tones:
-        sizes, through = np.abs(amplitudes), np.abs(stiffness + 1j * speed * damping)
+        sizes, through = np.abs(amplitudes), stiffness + 1j * speed * damping
         strokes += 2.0 * sizes
-        forces += through * sizes
+        forces += np.abs(through @ amplitudes)
         throw += max(linear.ripple_factors(scene, speed, sizes[1])) * sizes[1] * speed**2
-        isolation = float((through * np.abs(linear.receptances(scene, np.array([speed]))))[0, 1])
+        isolation = float(np.abs(through @ linear.receptances(scene, np.array(speed)))[1, 1])
     return {
         **dict(zip(("stroke_x_m", "stroke_y_m", "stroke_phi_rad"), strokes.tolist(), strict=True)),
         **dict(zip(("dynamic_force_x_n", "dynamic_force_y_n"), forces[:2].tolist(), strict=True)),
@@ -403,7 +420,7 @@ def _deciding(scene: Scene, turning: Turning) -> dict[str, float | str]:
     roots = np.sqrt(scene.oscillators[0])
     sizes = sum((tone.speed * roots * np.abs(tone.amplitudes) for tone in _tones(scene, turning)), np.zeros(3))
     moving = np.flatnonzero(sizes > MOVES * sizes.max())
-    values: dict[str, float | str] = {"moving_axes": ", ".join(linear.AXES[i] for i in moving)}
+    values: dict[str, float | str] = {"moving_axes": ", ".join(AXES[i] for i in moving)}
     if turning.balance is not None:
         x, y, phi = balance.holding_stiffness(scene, turning.balance).tolist()
         # far above their resonances x and y cancel but for a rest
@@ -427,13 +444,14 @@ def _passage(scene: Scene, supply: Supply) -> dict[str, float | str]:
     factor, stays = least_factor(balance.while_driven(scene))
     if not stays:
         return {"passage_torque_n_m": 0.0, "passage_ratio": factor}
-    natural = linear.natural_speeds(scene)
+    modes = natural_modes(scene)
+    natural = modes.speeds
     below = (natural > 0.0) & (natural < scene.speed_scale)
     index = int(np.where(below, np.abs(natural - stays), math.inf).argmin())
     w = float(natural[index])
     available = float(motor_torques(scene, supply, np.array([w, w])).sum())
     return {
-        "passage_axis": linear.AXES[index],
+        "passage_axis": modes.names[index],
         "passage_frequency_hz": w / TURN,
         "passage_torque_n_m": factor * available,
         "passage_available_n_m": available,

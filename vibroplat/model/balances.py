@@ -17,13 +17,14 @@ from vibroplat.model.graph import ZERO, Node, derivative, local, scalar, substit
 from vibroplat.model.source import Holds, P, holds, unknowns
 from vibroplat.model.straight import OF_ARRAYS, Output, at_rest, lines_of, loads, of_system, text_of
 
-#: Most powers of coordinates in the force of a spring.
-MAX_POWER = 9
+#: Most powers of coordinates in the force of a spring, and the place of linear terms in the sum over these.
+MAX_POWER, LINEAR = 9, 2
 
 #: The parameters of forces into the foundation: an added damping of the platform is none of them.
 OF_FOUNDATION = SimpleNamespace(**vars(P) | {"damping_y": P.suspension_damping_y})
-#: Coordinates whose springs and dampers are between platform and foundation.
+#: Coordinates whose springs and dampers are between platform and foundation, and the parameters that couple these.
 GROUNDED = ("x", "y", "phi")
+COUPLINGS = P.stiffness_x_phi, P.stiffness_y_phi, P.damping_x_phi, P.damping_y_phi
 
 
 class Resistance(NamedTuple):
@@ -59,18 +60,21 @@ class Resistance(NamedTuple):
         """What the force is beyond the slopes by the own coordinate and rate."""
         if not self.is_linear:
             return self.force - (self.stiffness * self.q + self.damping * self.v)
-        others, beyond = [name for name in Holds._fields if name != self.name], ZERO
-        for letter in "qv":
-            for name in others:
-                beyond = beyond + self.slope(letter, name) * symbol(f"{letter}_{name}")
-        return beyond
+        return self.by_others("q") + self.by_others("v")
+
+    def by_others(self, letter: str) -> Node:
+        """Sum up what other coordinates (q) or rates (v) do, where the force is linear."""
+        force = ZERO
+        for name in Holds._fields:
+            if name != self.name:
+                force = force + self.slope(letter, name) * symbol(f"{letter}_{name}")
+        return force
 
     @property
     def damped(self) -> Node:
         """The part of the force that is 0 without rates, less that of the own linear damper."""
-        slopes = {name: self.slope("v", name) for name in Holds._fields}
-        if slopes.pop(self.name) is self.damping and all(slope.is_zero for slope in slopes.values()):
-            return ZERO
+        if all(self.slope("v", name) is at_rest(self.slope("v", name), "qv") for name in Holds._fields):
+            return self.by_others("v")
         return self.force - at_rest(self.force, "v") - self.damping * self.v
 
 
@@ -78,6 +82,14 @@ def resisted(p: SimpleNamespace = P) -> Iterator[Resistance]:
     """Go through what resists coordinates."""
     for name, force in holds(unknowns("q"), unknowns("v"), p)._asdict().items():
         yield Resistance(name, symbol(f"q_{name}"), symbol(f"v_{name}"), scalar(force))
+
+
+def has_beyond() -> str:
+    """Write whether forces are more than the slopes by the own coordinates: springs at the centre of mass are not."""
+    nodes = [r.beyond for p in (P, OF_FOUNDATION) for r in resisted(p)]
+    without = [substituted(node, dict.fromkeys(COUPLINGS, ZERO)) for node in nodes]
+    couples = " or ".join(f"{text_of(one, {})} != 0.0" for one in COUPLINGS)
+    return f"def has_beyond(p):\n    return {couples if all(node.is_zero for node in without) else 'True'}\n"
 
 
 def damped() -> list[str]:
@@ -113,7 +125,14 @@ def elastic() -> str:
         force, factorial = substituted(spring, {symbol(f"q_{one}"): way * symbol(f"q_{one}") for one in springs}), 1.0
         for k in range(1, MAX_POWER + 2):
             factorial *= k
-            energy = energy + (1.0 / factorial) * (substituted(force, {way: ZERO}) * symbol(f"q_{name}"))
+            here = substituted(force, {way: ZERO})
+            each = (
+                [derivative(here, symbol(f"q_{one}")) * symbol(f"q_{one}") for one in springs]
+                if k == LINEAR
+                else [here]
+            )
+            for one in each:  # the square of a coordinate stays a product of its own, whatever couples it to others
+                energy = energy + (1.0 / factorial) * (one * symbol(f"q_{name}"))
             force = derivative(force, way)
         if not force.is_zero:
             raise ValueError(f"a spring on {name} must be a polynomial of coordinates, up to power {MAX_POWER}")

@@ -30,10 +30,14 @@ PARAMETERS = np.dtype(
         ("stiffness_x", float),  # c_x (N/m)
         ("stiffness_y", float),
         ("stiffness_phi", float),  # c_φ (N·m/rad)
+        ("stiffness_x_phi", float),  # c_xφ, which couples x and φ: of springs above or below the centre of mass (N)
+        ("stiffness_y_phi", float),
         ("damping_x", float),  # b_x (N·s/m)
         ("damping_y", float),  # b_y, plus β m_w in the non-impact model
         ("suspension_damping_y", float),  # b_y, what of it is between platform and foundation
         ("damping_phi", float),  # b_φ (N·m·s/rad)
+        ("damping_x_phi", float),  # b_xφ (N·s)
+        ("damping_y_phi", float),
         ("gravity", float),  # g, normal to the deck (m/s²)
         ("unbalance", float, (2,)),  # k_i = m_r r (kg·m)
         ("exciter_inertia", float, (2,)),  # J_e,i, about the exciter's axis (kg·m²)
@@ -54,7 +58,7 @@ PARAMETERS = np.dtype(
         ("layer_damping", float),  # b_w / m_w2 (1/s)
         ("restitution", float),  # R
         ("sticking_speed", float),  # slower impacts have no restitution (m/s)
-        ("point_x", float, (MAX_NAMED_POINTS,)),  # named points of the platform, from the common centre of mass (m)
+        ("point_x", float, (MAX_NAMED_POINTS,)),  # measured points of the platform, from the common centre of mass (m)
         ("point_y", float, (MAX_NAMED_POINTS,)),
         ("safe_rotation", float),  # |φ| up to which the mass matrix is positive definite (rad)
         ("impact_law", np.int64),  # index into IMPACT_LAWS
@@ -100,18 +104,23 @@ def record_address(p: Parameters) -> int:
 
 def parameters(scene: Scene, time: float = 0.0) -> Parameters:
     """Fill the record of a scene, with the supply as it is at a time (s)."""
-    machine, body, exciters, transport = scene.machine, scene.body, scene.exciter_pair, scene.transport
+    body, exciters, transport = scene.body, scene.exciter_pair, scene.transport
+    stiffness, damping = scene.suspension
     unbalances, gravity = scene.unbalances, scene.gravity
     values: dict[str, Any] = _ZEROS | {
         "mass": scene.platform_mass,
         "inertia": body.inertia,
-        "stiffness_x": machine.stiffness_x_n_per_m,
-        "stiffness_y": machine.stiffness_y_n_per_m,
-        "stiffness_phi": machine.stiffness_phi_n_m_per_rad,
-        "damping_x": machine.damping_x_n_s_per_m,
+        "stiffness_x": stiffness[0][0],
+        "stiffness_y": stiffness[1][1],
+        "stiffness_phi": stiffness[2][2],
+        "stiffness_x_phi": stiffness[0][2],
+        "stiffness_y_phi": stiffness[1][2],
+        "damping_x": damping[0][0],
         "damping_y": scene.damping_y,
-        "suspension_damping_y": machine.damping_y_n_s_per_m,
-        "damping_phi": machine.damping_phi_n_m_s_per_rad,
+        "suspension_damping_y": damping[1][1],
+        "damping_phi": damping[2][2],
+        "damping_x_phi": damping[0][2],
+        "damping_y_phi": damping[1][2],
         "slope": gravity[0],
         "gravity": gravity[1],
         "unbalance": unbalances,
@@ -134,7 +143,7 @@ def parameters(scene: Scene, time: float = 0.0) -> Parameters:
         values["material_mass"], values["material_share"] = scene.material_mass, 1.0 / scene.material_mass
     # all at once, in the order of the fields: field by field takes far longer; an unknown name is one value too many
     p: Parameters = np.array([tuple(values.values())], _RECORD)[0]
-    for i, (x, y) in enumerate(scene.named_points.values()):
+    for i, (x, y) in enumerate(scene.measured_points.values()):
         p["point_x"][i], p["point_y"][i] = x, y
     return p
 

@@ -35,7 +35,7 @@ COMPLEX = np.dtype(
 )
 
 #: Sections of a scene whose numbers enter the equations.
-SECTIONS = ("machine", "motor", "motors", "exciters", "drive", "material", "contact")
+SECTIONS = ("machine", "motor", "motors", "exciters", "springs", "drive", "material", "contact")
 
 #: Nodes of the polynomials in a key, as many as are needed, and their largest error over the largest value.
 NODES, INTERPOLATION_TOLERANCE = (4, 32), 1e-14
@@ -83,6 +83,8 @@ def value_of(section: Any, key: str) -> Any:
         if isinstance(section, list):
             place = "0" if name == "N" else name
             section = section[int(place)] if place.isdecimal() and int(place) < len(section) else None
+        elif isinstance(section, dict):
+            section = section.get(name)
         else:
             section = getattr(section, name) if name in getattr(type(section), "model_fields", ()) else None
     return section
@@ -98,6 +100,8 @@ def with_values(section: Any, values: Mapping[str, float]) -> Any:
 
     N for a place in a list stands for all of them.
     """
+    if "" in values or not values:
+        return values.get("", section)
     inside: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         name, _, rest = key.partition(".")
@@ -105,12 +109,9 @@ def with_values(section: Any, values: Mapping[str, float]) -> Any:
     if isinstance(section, list):
         everywhere = inside.pop("N", {})
         return [with_values(one, everywhere | inside.get(str(i), {})) for i, one in enumerate(section)]
-    return section.model_copy(
-        update={
-            name: changed[""] if "" in changed else with_values(getattr(section, name), changed)
-            for name, changed in inside.items()
-        }
-    )
+    if isinstance(section, dict):
+        return {name: with_values(one, inside.get(name, {})) for name, one in section.items()}
+    return section.model_copy(update={name: with_values(getattr(section, name), of) for name, of in inside.items()})
 
 
 class Course(NamedTuple):

@@ -66,6 +66,11 @@ def holds(q: SimpleNamespace, v: SimpleNamespace, p: SimpleNamespace) -> Holds:
     """State what resists coordinates, in directions opposite to them."""
     hold_x, hold_phi = p.damping_x * v.x + p.stiffness_x * q.x, p.damping_phi * v.phi + p.stiffness_phi * q.phi
     hold_y = p.damping_y * v.y + p.stiffness_y * q.y
+    # springs beside the centre of mass
+    hold_x = hold_x + (p.damping_x_phi * v.phi + p.stiffness_x_phi * q.phi)
+    hold_y = hold_y + (p.damping_y_phi * v.phi + p.stiffness_y_phi * q.phi)
+    hold_phi = hold_phi + (p.damping_x_phi * v.x + p.stiffness_x_phi * q.x)
+    hold_phi = hold_phi + (p.damping_y_phi * v.y + p.stiffness_y_phi * q.y)
     hold_gap = ZERO
     spring = p.layer_stiffness * q.upper + p.layer_damping * v.upper
     return Holds(hold_x, hold_y, hold_phi, hold_gap, spring)

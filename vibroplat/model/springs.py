@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vibroplat.kernels.compiled import FloatArray, inlined
+from vibroplat.kernels.compiled import FloatArray, compiled, inlined
 from vibroplat.kernels.on_demand import as_written, written
 from vibroplat.model import balances
 from vibroplat.model.parameters import Parameters
@@ -47,6 +47,12 @@ def slopes(p: Parameters) -> tuple[Relative, Relative]:  # type: ignore[empty-bo
 
 
 @inlined
+@written(balances.has_beyond)
+def has_beyond(p: Parameters) -> bool:  # type: ignore[empty-body]
+    """Whether forces are more than the slopes, which :func:`curved_means` and :func:`add_pulls_beyond` add."""
+
+
+@compiled
 @written(balances.curved_means)
 def curved_means(
     samples: FloatArray, weights: FloatArray, nodes: int, system: int, out: FloatArray, p: Parameters
@@ -58,7 +64,7 @@ def curved_means(
     """
 
 
-@inlined
+@compiled
 @written(balances.pulls_beyond)
 def add_pulls_beyond(
     samples: FloatArray, row: int, system: int, quantities: FloatArray, first: int, p: Parameters

@@ -221,7 +221,7 @@ class Simulator:
         turns = SECTION_ROWS if scope >= WHOLE_RUN else FASTEST * self.scene.speed_scale / TURN * seconds
         points = int(min(max(turns, MAX_FINAL_PERIOD) + 2.0, SECTION_ROWS))
         if self._observer is None:
-            self._observer = Statistics(window, points, len(self.scene.output.points), blocks, scope)
+            self._observer = Statistics(window, points, len(self.scene.measured_points), blocks, scope)
         else:
             self._observer.begin(window, points, blocks, scope)
         return self._observer

@@ -26,7 +26,7 @@ from vibroplat.observe.tables import named_derivative, state_places
 from vibroplat.observe.variation import Variation
 
 #: Sections whose keys leave the supply alone, which a program changes from time to time.
-_BESIDE_THE_SUPPLY = ("machine", "material", "contact")
+_BESIDE_THE_SUPPLY = ("machine", "springs", "material", "contact")
 
 
 class Varied(NamedTuple):

@@ -13,7 +13,7 @@ from vibroplat.kernels.compiled import FloatArray, call_int, compiled, fused_inl
 from vibroplat.kernels.lanes import load_2, some
 from vibroplat.kernels.polynomial import QUADRATIC_RANGE, values
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import CURVED_FORCE, CURVED_SQUARE
+from vibroplat.model.springs import CURVED_FORCE, CURVED_SQUARE, add_pulls_beyond
 from vibroplat.model.systems import DIFFERENTIAL
 from vibroplat.observe.curves import update_motor_extremes
 from vibroplat.observe.extremes import (
@@ -188,6 +188,13 @@ def put_limits(extremes: Any, room: Any, p: Parameters) -> None:
         room.levers[2 * i], room.levers[2 * i + 1] = -p.point_y[i], p.point_x[i]
 
 
+@compiled
+def put_beyond(room: Any, span: Span, p: Parameters) -> None:
+    """Add to the forces into the foundation at all samples what they are beyond the slopes."""
+    for i in range(span.nodes + 2):
+        add_pulls_beyond(room.samples, i, span.system, room.quantities, PULL_X, p)
+
+
 @inlined
 def update_step_extremes(extremes: Any, room: Any, span: Span, p: Parameters) -> None:
     """Let the extremes cover a step or a part of it.
@@ -208,7 +215,9 @@ def update_step_extremes(extremes: Any, room: Any, span: Span, p: Parameters) ->
         room.limited = 1
     above = below = 0
     for i in range(span.nodes + 2):
-        put_quantities(room.samples, i, span.system, room, p)
+        put_quantities(room.samples, i, span.system, room)
+    if room.beyond != 0:
+        put_beyond(room, span, p)
     for first in range(0, COLUMNS if room.named > 0 else POINTS, EIGHT):
         over, under = beyond_limits(room.quantities, span.nodes, REACH[span.nodes], room.limits, first)
         above, below = above | over << first, below | under << first

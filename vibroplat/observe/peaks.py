@@ -31,7 +31,7 @@ from vibroplat.kernels.lanes import (
 )
 from vibroplat.kernels.polynomial import MAX_DEGREE, slope, turning_point
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import BENT, add_pulls_beyond, foundation_forces_at
+from vibroplat.model.springs import BENT, foundation_forces_at
 from vibroplat.model.systems import ALGEBRAIC, DIFFERENTIAL, GAP
 from vibroplat.observe.curves import follow
 from vibroplat.observe.extremes import (
@@ -65,7 +65,7 @@ TOPS = [
 
 
 @fused_inline
-def put_quantities(samples: FloatArray, row: int, system: int, room: Any, p: Parameters) -> None:
+def put_quantities(samples: FloatArray, row: int, system: int, room: Any) -> None:
     """Put the quantities of a row of unknowns into the same row of those.
 
     What the system does not have is nan, which is beyond no limit.
@@ -78,7 +78,6 @@ def put_quantities(samples: FloatArray, row: int, system: int, room: Any, p: Par
     pulls = load_4(samples, row, 0) * load_4(room.springs, 0, 0) + load_4(samples, row, n) * load_4(room.springs, 1, 0)
     store(join(first, second), room.quantities, row, 0)
     store(join(pulls, zero(pulls) + np.nan), room.quantities, row, PULL_X)
-    add_pulls_beyond(samples, row, system, room.quantities, PULL_X, p)
     if room.named > 0:
         for j in range(POINTS, COLUMNS, EIGHT):
             moved = load_2(samples, row, 0) + samples[row, 2] * load_8(room.levers, 0, j - POINTS)

@@ -11,7 +11,7 @@ from vibroplat.observe.extremes import MAX_NODES
 from vibroplat.observe.measures import N_WORK, STICK_TIME, SUMS
 from vibroplat.observe.peaks import COLUMNS, TOPS
 
-#: Fields are overwritten at each step, except limits, stiffnesses, dampings, levers and the number of named points.
+#: Fields are overwritten at each step, except limits, stiffnesses, dampings, beyond, levers and the number of points.
 ROOM = np.dtype(
     [
         ("samples", float, (MAX_NODES + 2, WIDTH)),  # unknowns at beginning, nodes and end
@@ -33,6 +33,7 @@ ROOM = np.dtype(
         ("at", float, (1, WIDTH)),
         ("limited", np.int64),
         ("widened", np.int64),
+        ("beyond", np.int64),  # whether forces are more than slopes times coordinates and rates
         ("named", np.int64),
         *TOPS,
     ],

@@ -23,7 +23,7 @@ from vibroplat.kernels.sines import sincos_pair
 from vibroplat.model.energy import DISSIPATIONS, FRICTION, exciter_powers, powers
 from vibroplat.model.motor import both, motor_torques
 from vibroplat.model.parameters import Parameters
-from vibroplat.model.springs import curved_means, slopes
+from vibroplat.model.springs import curved_means, has_beyond, slopes
 from vibroplat.model.systems import (
     ALONG,
     ALONG_RATE,
@@ -87,7 +87,7 @@ class Statistics:
     points
         Number of the last points of the Poincaré section that are kept; 0: measures are not cut to whole turns.
     named
-        Number of the scene's named points.
+        Number of the scene's points that are measured.
     blocks
         In how many parts a motion is measured, each with its own extremes; see :meth:`end_block`.
     scope
@@ -157,6 +157,9 @@ def add_pieces(
         room.springs[0, j], room.springs[1, j] = stiffness[j], damping[j]
     room.springs[1, 1] = p.suspension_damping_y
     room.springs[0, 3] = np.nan
+    room.beyond = has_beyond(p)
+    for j in range(room.means.shape[1]):
+        room.means[4, j] = 0.0
     for i in range(steps.used.pieces):
         piece = steps.pieces[i]
         while counted < piece.events:
@@ -354,7 +357,8 @@ def integrate(ms: Accumulators, span: Span, measured: bool, room: Any, p: Parame
         exchanged += abs(total(first)) + abs(total(second))
     means_16(samples, WEIGHTS[nodes], 1, nodes, n, means)
     taken = total(total(motor - held)), total(total(truncated)), total(total(resisted))
-    curved_means(samples, WEIGHTS[nodes], nodes, system, means[4], p)
+    if room.beyond != 0:
+        curved_means(samples, WEIGHTS[nodes], nodes, system, means[4], p)
     powers(taken, means, n, system, power, p)
     if SLIDES[system]:
         find_sliding(samples, WEIGHTS[nodes], nodes, means, system, room.sliding, power, p)

@@ -118,7 +118,8 @@ def _scenery(name: str, scene: Scene, table: pd.DataFrame) -> tuple[Figure, Call
 
 def _machine(axis: Axes, scene: Scene, table: pd.DataFrame) -> Callable[[dict[str, float]], None]:
     """Draw the machine as the page does; return what moves it to coordinates (m, rad)."""
-    s, magnified = machine.Sizes.of(machine.machine_of(scene)), machine.magnification(table, machine.machine_of(scene))
+    drawn = machine.machine_of(scene)
+    s, magnified = machine.Sizes.of(drawn), machine.magnification(table, drawn)
     k, half, bed = magnified * s.scale, machine.HALF, machine.BED
     slabs = [Rectangle((-bed, 0.0), 2 * bed, height, fc="#E9C46A", ec="#333") for height in s.heights if height]
     rims = [Circle(at, r, fc="white", ec=colour) for at, r, colour in zip(s.axes, s.radii, CURVES, strict=False)]
@@ -127,22 +128,26 @@ def _machine(axis: Axes, scene: Scene, table: pd.DataFrame) -> Callable[[dict[st
         axis.add_patch(patch)
     look: dict[str, Any] = {"lw": 2.0, "marker": "o", "markevery": [1]}
     arms = [axis.plot([0.0, r], [0.0, 0.0], color=CURVES[i], **look)[0] for i, r in enumerate(s.radii)]
-    coil = np.transpose(machine.coil(machine.SPRING_LENGTH, *machine.SPRING_COILS))
-    springs = [axis.plot(*coil, color="#333", lw=1.2)[0] for _ in machine.SPRINGS]
+    feet = [machine.upright(place, s.angle) for place in s.springs]
+    lengths = [y - s.floor for _, y in feet]
+    coils = (np.transpose(machine.coil(length, *machine.SPRING_COILS)) for length in lengths)
+    springs = [axis.plot(*coil, color="#333", lw=1.2)[0] for coil in coils]
+    for spring, off in zip(springs, drawn["off"], strict=False):
+        spring.set_alpha(0.25 if off else 1.0)
     coil = np.transpose(machine.coil(machine.BETWEEN, *machine.BETWEEN_COILS))
     between = [axis.plot(*coil, color="#333", lw=0.6)[0] for _ in machine.BETWEENS if len(slabs) == 2]
     axis.axhline(s.floor, color="#777")
-    axis.set(xlim=(-1.24 * half, 1.24 * half), ylim=(s.floor - 12.0, s.above), aspect="equal")
+    axis.set(xlim=(-s.aside, s.aside), ylim=(s.floor - 12.0, s.above), aspect="equal")
     axis.set_title(f"displacements × {magnified:g}")
     axis.set_axis_off()
 
     def move(now: dict[str, float]) -> None:
-        pose = Affine2D().rotate(magnified * now["phi_rad"]).translate(k * now["x_m"], k * now["y_m"])
+        pose = Affine2D().rotate(magnified * now["phi_rad"]).translate(k * now["x_m"], k * now["y_m"]).rotate(-s.angle)
         moved: dict[Artist, Transform] = dict.fromkeys(solids, pose)
         for arm, at, column in zip(arms, s.axes, ("phi1_rad", "phi2_rad"), strict=True):
-            moved[arm] = Affine2D().rotate(now[column]).translate(*pose.transform(at))
-        for spring, x in zip(springs, machine.SPRINGS, strict=True):
-            aside, up = (pose.transform((x, s.bottom)) - (x, s.floor)) / machine.SPRING_LENGTH
+            moved[arm] = Affine2D().rotate(now[column] - s.angle).translate(*pose.transform(at))
+        for spring, place, (x, _), length in zip(springs, s.springs, feet, lengths, strict=True):
+            aside, up = (pose.transform(place) - (x, s.floor)) / length
             moved[spring] = Affine2D([[1.0, aside, x], [0.0, up, s.floor], [0.0, 0.0, 1.0]])
         low = s.top + k * now.get("gap_m", 0.0)
         foot, apart = low + s.heights[0], max(machine.BETWEEN + k * now.get("upper_m", 0.0), 3.0)

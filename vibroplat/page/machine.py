@@ -14,13 +14,17 @@ import pandas as pd
 
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import placed_springs
 from vibroplat.results.picture import CURVES
 
 #: Half the platform's width, length of a spring between layers, largest of the force's arrow, room for motion: units of
 #: the drawing.
 HALF, BETWEEN, ARROW, ROOM = 100.0, 26.0, 62.0, 22.0
-#: Where springs are, their length, and their turns with half the width of these; and springs between layers.
-SPRINGS, SPRING_LENGTH, SPRING_COILS = (-72, 72), 80.0, (7, 7.0)
+#: Shortest arm of an unbalance: how it turns must be seen on a long deck, too.
+SMALLEST = 11.0
+#: Where springs are whose places are not known, the shortest length of springs, and their turns with half the width of
+#: these; distance of the floor from the platform, at least; and springs between layers.
+SPRINGS, SPRING_LENGTH, SPRING_COILS, CLEARANCE = (-72.0, 72.0), 80.0, (7, 7.0), 30.0
 BETWEENS, BETWEEN_COILS = (-52, 0, 52), (4, 5.0)
 #: Half the width of material, and distance of the grains by which its motion along the deck is seen.
 BED, GRAIN = 78.0, 26.0
@@ -87,13 +91,25 @@ def machine_of(scene: Scene) -> dict[str, Any]:
         "layers": scene.layers,
         "conveys": scene.transport is not None,
         "lower_share": scene.material.lower_share if scene.layers == 2 else 1.0,
+        "springs": None if scene.springs is None else [spring.place for spring in placed_springs(scene).values()],
+        "off": [spring.off for spring in (scene.springs or {}).values()],
+        "angle": 0.0 if scene.transport is None else scene.transport.angle,
+        "half": _half_length(scene),
     }
+
+
+def _half_length(scene: Scene) -> float:
+    """Return half the length of the deck (m), as it is given, or that of a bar with its mass and moment of inertia."""
+    length = None if scene.transport is None else scene.transport.deck_length_m
+    bar = math.sqrt(3.0 * scene.machine.platform_inertia_kg_m2 / scene.machine.platform_mass_kg)
+    return 0.5 * length if length is not None else bar
 
 
 def scale_of(machine: Mapping[str, Any]) -> float:
     """Return units of the drawing in a metre."""
-    reach = max(abs(x) + 1.25 * radius for (x, _), radius in zip(machine["axes"], machine["radii"], strict=True))
-    return HALF / max(float(reach), 1e-6)
+    reach = [abs(x) + 1.25 * radius for (x, _), radius in zip(machine["axes"], machine["radii"], strict=True)]
+    reach += [abs(x) for x, _ in machine["springs"] or ()]
+    return HALF / float(max(*reach, machine["half"], 1e-6))
 
 
 class Sizes(NamedTuple):
@@ -105,10 +121,16 @@ class Sizes(NamedTuple):
         Units in a metre.
     axes, radii
         Of the exciters.
-    top, bottom, floor, above
-        Heights of the platform's edges, of the floor, and of what is above all parts that move.
+    top, bottom
+        Heights of the platform's edges over the centre of mass, normal to the deck.
+    floor, above, aside
+        Heights of the floor, and of what is above all parts that move; half the width of the drawing.
     heights
         Of the lower and the upper layer; 0 without one.
+    angle
+        Decline of the deck (rad): x and y are along and normal to it.
+    springs
+        Where springs hold the platform, along and normal to the deck.
     """
 
     scale: float
@@ -118,19 +140,35 @@ class Sizes(NamedTuple):
     bottom: float
     floor: float
     above: float
+    aside: float
     heights: tuple[float, float]
+    angle: float
+    springs: list[tuple[float, float]]
 
     @classmethod
     def of(cls, machine: Mapping[str, Any]) -> Sizes:
         """Return the sizes of what :func:`machine_of` describes."""
         scale, layers, part = scale_of(machine), int(machine["layers"]), machine["lower_share"]
         axes = [(scale * x, scale * y) for x, y in machine["axes"]]
-        radii = [scale * radius for radius in machine["radii"]]
+        radii = [max(scale * radius, SMALLEST) for radius in machine["radii"]]
         top = max(*(y + r for (_, y), r in zip(axes, radii, strict=True)), 0.0) + 13.0
         bottom = min(*(y - r for (_, y), r in zip(axes, radii, strict=True)), 3.0) - 17.0
         heights = (10.0 + 14.0 * part, 10.0 + 14.0 * (1.0 - part)) if layers == 2 else (22.0 if layers else 0.0, 0.0)
-        above = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
-        return cls(scale, axes, radii, top, bottom, bottom - SPRING_LENGTH, above, heights)
+        over = top + (2.4 if layers else 1.0) * ROOM + sum(heights) + (BETWEEN if layers == 2 else 0.0) + 12.0
+        places = machine["springs"]
+        springs = [(x, bottom) for x in SPRINGS] if places is None else [(scale * x, scale * y) for x, y in places]
+        angle = machine["angle"]
+        corners = [upright((side * HALF, height), angle) for side in (-1.0, 1.0) for height in (bottom, over)]
+        lowest, held = min(y for _, y in corners), min(upright(place, angle)[1] for place in springs)
+        floor, above = min(lowest - CLEARANCE, held - SPRING_LENGTH), max(y for _, y in corners)
+        aside = max(x for x, _ in corners) + 24.0
+        return cls(scale, axes, radii, top, bottom, floor, above, aside, heights, angle, springs)
+
+
+def upright(place: tuple[float, float], angle: float) -> tuple[float, float]:
+    """Return a place along and normal to a deck that declines by an angle (rad) along and normal to the ground."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return place[0] * cosine + place[1] * sine, place[1] * cosine - place[0] * sine
 
 
 def magnification(frames: pd.DataFrame, machine: Mapping[str, Any]) -> float:
@@ -150,19 +188,33 @@ def drawing(machine: Mapping[str, Any], label: str) -> str:
     """Return the drawing of a machine at rest; the script moves its groups by their classes."""
     s = Sizes.of(machine)
     sizes = {"scale": s.scale, "top": s.top, "bottom": s.bottom, "floor": s.floor, "between": BETWEEN, "arrow": ARROW}
-    sizes |= {"bed": BED, "grain": GRAIN}
+    sizes |= {"bed": BED, "grain": GRAIN, "angle": s.angle}
     data = " ".join(f'data-{name}="{value:.4g}"' for name, value in sizes.items())
     high = f"{s.top - s.bottom:.1f}"
     body = f'<rect x="{-HALF}" y="{-s.top:.1f}" width="{2 * HALF}" height="{high}" rx="5" class="steel"/>'
     body += f'<path class="ink deck" d="M{-HALF} {-s.top:.1f}h{2 * HALF}"/><path class="ink" d="M-5 0h10M0 -5v10"/>'
     body += "".join(_exciter(n, s.axes[n], s.radii[n], machine["directions"][n]) for n in (0, 1))
-    spring, hatch = _coil(SPRING_LENGTH, *SPRING_COILS), "".join(f"M{x} {-s.floor:.1f}l-6 7" for x in range(-90, 91, 9))
-    place = f'<g class="spring" data-at="{{0}}" transform="translate({{0}} {-s.floor:.1f})">{spring}</g>'
-    springs = "".join(map(place.format, SPRINGS))
+    ground, hatches = s.aside - 28.0, np.arange(6.0 - s.aside + 28.0, s.aside - 28.0, 9.0)
+    hatch = "".join(f"M{x:g} {-s.floor:.1f}l-6 7" for x in hatches)
+    broken = machine["off"] or [False] * len(s.springs)
+    springs = "".join(_spring(place, s, off) for place, off in zip(s.springs, broken, strict=True))
     return (
-        f'<svg class="machine" viewBox="-124 {-s.above:.1f} 262 {s.above - s.floor + 12.0:.1f}" role="img" '
-        f'aria-label="{label}" {data}><path class="ground" d="M-96 {-s.floor:.1f}H96{hatch}"/>{springs}'
-        f'<g class="body">{body}{_layers(s.heights, s.top, machine["conveys"])}{_signs(s.top)}</g></svg>'
+        f'<svg class="machine" viewBox="{-s.aside:g} {-s.above:.1f} {2.0 * s.aside + 14.0:g} '
+        f'{s.above - s.floor + 12.0:.1f}" role="img" aria-label="{label}" {data}>'
+        f'<path class="ground" d="M{-ground:g} {-s.floor:.1f}H{ground:g}{hatch}"/>'
+        f'<g transform="rotate({math.degrees(s.angle):.4g})">'
+        f'<g class="body">{body}{_layers(s.heights, s.top, machine["conveys"])}{_signs(s.top)}</g></g>{springs}</svg>'
+    )
+
+
+def _spring(place: tuple[float, float], s: Sizes, off: bool) -> str:
+    """Return a spring from the floor to its place on the platform; one that is off is pale."""
+    x, y = upright(place, s.angle)
+    length = y - s.floor
+    pale = ' opacity="0.25"' if off else ""
+    return (
+        f'<g class="spring" data-x="{place[0]:.4g}" data-y="{place[1]:.4g}" data-length="{length:.4g}"{pale} '
+        f'transform="translate({x:.4g} {-s.floor:.1f})">{_coil(length, *SPRING_COILS)}</g>'
     )
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from vibroplat.columns import Column, Columns, split
 from vibroplat.config.circular import wrap
-from vibroplat.config.computation import Output
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.drive import SupplyInterval
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import natural_modes
 from vibroplat.observe.conveying import CONVEYING, conveying
 from vibroplat.observe.extremes import (
     ACCELERATION,
@@ -111,22 +111,22 @@ SHEET: Columns = {
 }
 
 
-#: A point and springs of any name, for pages on columns.
-_ANY = Output(points={"NAME": [0.0, 0.0]}, springs={"NAME": 1})
+#: A name that stands for any, on pages on columns.
+_ANY = ("NAME",)
 
 
-def point_columns(output: Output = _ANY) -> Columns:
-    """Return the columns of named points of the platform, and of the springs there."""
+def point_columns(points: Iterable[str] = _ANY, springs: Iterable[str] = _ANY, placed: bool = True) -> Columns:
+    """Return the columns of named points of the platform, and of springs; ``placed`` ones push along x as well."""
     columns = {}
-    for name in output.points:
+    for name in points:
         for axis in ("x", "y"):
             columns[f"stroke_{axis}_{name}_m"] = Column(f"stroke of point {name} along {axis}", "maximum minus minimum")
         columns[f"acceleration_max_{name}_m_per_s2"] = Column(
             f"maximum acceleration of point {name}",
             "magnitude; of first order in phi",
         )
-    for name in output.springs:
-        who = f"along y in each spring at point {name}"
+    for name in springs:
+        who = f"along y in each spring {name}"
         columns |= {
             f"spring_force_mean_{name}_n": Column(f"mean force {who}", "static part; negative: the spring is pressed"),
             f"spring_force_amplitude_{name}_n": Column(
@@ -134,10 +134,19 @@ def point_columns(output: Output = _ANY) -> Columns:
             ),
             f"spring_force_max_{name}_n": Column(
                 f"maximum force {who}",
-                "magnitude; stiffness along y divided by the number of springs, times the displacement of the point",
+                "magnitude; its stiffness along y times the displacement of its place; without its damper",
             ),
         }
+        across = {"amplitude": ("dynamic amplitude of the", "half the difference of maximum and minimum")}
+        for how, (what, definition) in (across | {"max": ("maximum", "magnitude")}).items() if placed else ():
+            meaning = f"{what} force along x in each spring {name}"
+            columns[f"spring_force_x_{how}_{name}_n"] = Column(meaning, definition)
     return columns
+
+
+def points_of(scene: Scene) -> Columns:
+    """Return the columns of a scene's points and springs."""
+    return point_columns(scene.output.points, scene.measured_springs, placed=scene.springs is not None)
 
 
 def columns(scene: Scene) -> Columns:
@@ -147,7 +156,7 @@ def columns(scene: Scene) -> Columns:
 
 def more_columns(scene: Scene) -> Columns:
     """Return those that not every scene has."""
-    return {**point_columns(scene.output), **({} if scene.transport is None else CONVEYING)}
+    return {**points_of(scene), **({} if scene.transport is None else CONVEYING)}
 
 
 def _names_of_largest(names: Iterable[str]) -> list[str]:
@@ -186,9 +195,10 @@ WHOLE: Columns = {
     "start_energy_j": Column("work of both motors until synchronized_at_s"),
     "captured_by": Column(
         "resonance that captures a motor (Sommerfeld effect)",
-        "x, y or phi: where most of the vibration is, if a motor slips by more than a third of its critical slip, the "
-        "vibration takes most of the power, and a natural frequency there (y: with or without the material) is at most "
-        "10 % below the speed, and below the synchronous one; empty otherwise, or if speeds change by more than 10 %",
+        "x, y or phi, or a mode such as x with rotation: where most of the vibration is, if a motor slips by more than "
+        "a third of its critical slip, the vibration takes most of the power, and a natural frequency there (y: with "
+        "or without the material) is at most 10 % below the speed, and below the synchronous one; empty otherwise, or "
+        "if speeds change by more than 10 %",
     ),
 }
 
@@ -239,9 +249,8 @@ def data_sheet(ms: Accumulators, extremes: Any, scene: Scene) -> dict[str, float
             sheet[f"slip_{n}"] = 1.0 - exciter.direction * mean[f"speed_{n}"] / speeds[i]
         ripple = float(extremes["largest"][SPEED_1 + i] - extremes["least"][SPEED_1 + i])
         sheet[f"speed_ripple_{n}_hz"] = ripple / TURN
-    for name in scene.output.springs:
-        lifted = mean["y"] + scene.named_points[name][0] * mean["phi"]
-        sheet[f"spring_force_mean_{name}_n"] = scene.spring_stiffness * lifted
+    for name, (_, spring) in scene.measured_springs.items():
+        sheet[f"spring_force_mean_{name}_n"] = spring.stiffness[1] * (mean["y"] + spring.place[0] * mean["phi"])
     if scene.transport is not None:
         sheet |= conveying(ms, mean, scene)
     return sheet | _largest(extremes, _from_extremes(scene))
@@ -262,9 +271,9 @@ class Extreme(NamedTuple):
 def _from_extremes(scene: Scene) -> Mapping[str, Extreme]:
     """Return the columns of a scene's data sheet that follow from extremes."""
     torques = tuple(exciter.critical_torque_n_m for exciter in scene.exciter_pair)
-    points, springs = tuple(scene.output.points), tuple(scene.output.springs)
-    one = scene.spring_stiffness
-    return _columns_of_extremes(scene.gravity[1], scene.unbalances, torques, points, springs, one)
+    springs = tuple((name, at, *spring.stiffness) for name, (at, spring) in scene.measured_springs.items())
+    named = tuple(scene.output.points), springs, scene.springs is not None
+    return _columns_of_extremes(scene.gravity[1], scene.unbalances, torques, *named)
 
 
 @lru_cache
@@ -273,8 +282,8 @@ def _columns_of_extremes(
     unbalances: tuple[float, float],
     torques: tuple[float, ...],
     points: tuple[str, ...],
-    springs: tuple[str, ...],
-    stiffness: float,
+    springs: tuple[tuple[str, int, float, float], ...],
+    placed: bool,
 ) -> Mapping[str, Extreme]:
     """Return them for the numbers of a scene on which they depend: points of a sweep share most of them."""
     columns = {f"foundation_{name}_max_{unit}": Extreme(k) for name, k, _, unit in _AXES}
@@ -295,10 +304,11 @@ def _columns_of_extremes(
         first = POINTS + 2 * i
         columns |= {f"stroke_{axis}_{name}_m": Extreme(first + j, difference=True) for j, axis in enumerate("xy")}
         columns[f"acceleration_max_{name}_m_per_s2"] = Extreme(POINT_ACCELERATIONS + i)
-    for name in springs:
-        height = POINTS + 2 * points.index(name) + 1
-        columns[f"spring_force_amplitude_{name}_n"] = Extreme(height, 0.5 * stiffness, difference=True)
-        columns[f"spring_force_max_{name}_n"] = Extreme(height, stiffness)
+    for name, at, *stiffnesses in springs:
+        for axis, part in ((1, ""), (0, "x_"))[: 1 + placed]:
+            place, stiffness = POINTS + 2 * at + axis, stiffnesses[axis]
+            columns[f"spring_force_{part}amplitude_{name}_n"] = Extreme(place, 0.5 * stiffness, difference=True)
+            columns[f"spring_force_{part}max_{name}_n"] = Extreme(place, stiffness)
     return {name: extreme._replace(quantity=int(extreme.quantity)) for name, extreme in columns.items()}
 
 
@@ -401,12 +411,12 @@ def _capturing_axis(ms: Accumulators, scene: Scene, slowest: tuple[float, float]
     friction = sum(e.friction_radius_m * k * w**3 for e, k, w in zip(pair, scene.unbalances, speeds, strict=True))
     if np.ptp(paces) > RESONANCE_WIDTH * paces.max() or friction > 0.5 * (mean["power_1"] + mean["power_2"]):
         return ""
-    inertia, _, stiffness = scene.oscillators
-    squares = [[stiffness[i] / inertia[i]] for i in range(3)]
-    squares[1].append(stiffness[1] / (inertia[1] + sum(scene.layer_masses)))
-    low, high = slowest[0] / (1.0 + RESONANCE_WIDTH), slowest[1]
-    sizes = {}
-    for (axis, square), natural, weight in zip(_SQUARES.items(), squares, inertia, strict=True):
-        if any(low <= math.sqrt(value) / TURN < high for value in natural):
-            sizes[axis] = weight * (mean[square] - mean[axis] ** 2)
-    return max(sizes, key=lambda axis: sizes[axis], default="")
+    modes, low, high = natural_modes(scene), slowest[0] / (1.0 + RESONANCE_WIDTH), slowest[1]
+    loaded = modes.inertia + modes.shapes[1] ** 2 * sum(scene.layer_masses)
+    near = [
+        (low <= np.sqrt(modes.stiffness / one) / TURN) & (np.sqrt(modes.stiffness / one) / TURN < high)
+        for one in (modes.inertia, loaded)
+    ]
+    squares = [mean[square] - mean[axis] ** 2 for axis, square in _SQUARES.items()]
+    sizes = np.where(near[0] | near[1], (scene.oscillators[0] * squares) @ modes.fractions, -math.inf)
+    return modes.names[int(sizes.argmax())] if sizes.max() > -math.inf else ""

@@ -17,6 +17,7 @@ from vibroplat.config.engine_choice import chosen_engine
 from vibroplat.config.engines import uses_sundials
 from vibroplat.config.plausibility import HINT, WARNING
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import natural_modes
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.conveying import INTERNAL_FRICTION
 from vibroplat.report.data_sheet import steady_supply
@@ -221,9 +222,8 @@ def unfinished_stop(scene: Scene, measures: Mapping[str, Any], state: FloatArray
     interval = measures["measured_from_s"], measures["measured_to_s"]
     if any(scene.driven(*interval)):
         return ""
-    inertia, _, stiffness = scene.oscillators
-    springs = stiffness > 0.0
-    slowest = math.sqrt(float(np.min(stiffness[springs] / inertia[springs]))) if springs.any() else 0.0
+    speeds = natural_modes(scene).speeds
+    slowest = min(speeds[speeds > 0.0].tolist(), default=0.0)
     places = [len(COORDINATES) + RATES.index(f"phi{n}_rate_rad_per_s") for n in (1, 2)]
     fastest = float(np.max(np.abs(state[places])))
     if fastest <= 0.5 * slowest:

@@ -1,8 +1,9 @@
 """Transients in the strokes of a run that still decay during the measured part.
 
 In steady motion the positions at whole turns of exciter 1 repeat. A transient oscillates about them at the natural
-frequencies and decays, along an axis with inertia M and damping b at the rate b / 2M, faster with material. Its range
-at the beginning of the measured part is the error of the stroke.
+frequencies and decays, along an axis with inertia M and damping b at the rate b / 2M, faster with material; where
+springs couple axes, as the modes in which the axis moves. Its range at the beginning of the measured part is the error
+of the stroke.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import natural_modes
 from vibroplat.kernels.compiled import FloatArray
 from vibroplat.observe.extremes import HEIGHT, SIDEWAYS, merge_extremes
 from vibroplat.observe.measures import Accumulators, measured_extremes
@@ -61,11 +63,12 @@ def transients(ms: Accumulators, scene: Scene, begin: float, period: int) -> lis
     since, turns = float(ms.marks["first"][0]), max(period, 1)
     if len(rows) < 2 * turns:
         return [Transient(0.0, 0.0)] * 2
-    inertia, damping, stiffness = scene.oscillators
-    found = []
+    modes, found = natural_modes(scene), []
+    rates, speeds = 0.5 * modes.damping / modes.inertia, modes.speeds
     for axis, k in enumerate((SIDEWAYS, HEIGHT)):
-        expected = 0.5 * float(damping[axis] / inertia[axis])
-        swing = TURN * math.sqrt(inertia[axis] / stiffness[axis]) if stiffness[axis] else math.inf
+        own = modes.of(axis)
+        expected, slowest = float(rates[own].min()), float(speeds[own].min())
+        swing = TURN / slowest if slowest else math.inf
         stroke = float(measured["largest"][k] - measured["least"][k])
         size, seen = _range_at(since, rows["t"], rows["state"][:, axis], turns, (expected, swing, ROUND_OFF * stroke))
         left = 0.0

@@ -11,6 +11,7 @@ from vibroplat.columns import display_name, name_sync, split, unit_of
 from vibroplat.config.coordinates import TURN
 from vibroplat.config.digits import NEGLIGIBLE, given, interval, number, percent, quantity, spread, together
 from vibroplat.config.scene import Scene
+from vibroplat.config.suspension import natural_modes
 from vibroplat.observe.section import MAX_PERIOD
 from vibroplat.report.data_sheet import columns
 from vibroplat.report.summary import synchronization
@@ -111,7 +112,7 @@ class Sheet:
             "Motors (each, or 1 / 2)": self._motors(),
             "Bearings (each, or 1 / 2)": self._bearings(),
             "Synchronization": self._synchronization(),
-            POINTS: [*map(self._point, scene.output.points), *map(self._spring, scene.output.springs)],
+            POINTS: [*map(self._point, scene.output.points), *map(self._spring, scene.measured_springs)],
             "Material": self._material() if scene.has_contact else [],
             "Balances": [Row(display_name(name), self._text(name)) for name in balances],
         }
@@ -236,7 +237,7 @@ class Sheet:
         other, largest = "xy".replace(main, ""), strokes[main]
         left = dict(zip("xy", self._left, strict=True))
         rows = {axis: self._row(f"stroke {axis}", f"stroke_{axis}_m", largest, left[axis]) for axis in "yx"}
-        decays = limit_text(largest, left[main], self.scene.oscillators[1]["xy".index(main)] > 0.0)
+        decays = limit_text(largest, left[main], natural_modes(self.scene).damping["xy".index(main)] > 0.0)
         rows[main] = rows[main]._replace(also=decays)
         words = [f"{other} {rows[other].now}", self._largest_stroke(main, rows)]
         rows[main] = rows[main].shortly(f"stroke {main}", decays, *(words[::-1] if decays else words))
@@ -300,8 +301,7 @@ class Sheet:
         ]
 
     def _loads(self) -> list[Row]:
-        scene, machine = self.scene, self.scene.machine
-        stiffness = machine.stiffness_x_n_per_m, machine.stiffness_y_n_per_m
+        scene, stiffness = self.scene, self.scene.oscillators[2].tolist()
         weight = [(scene.platform_mass + sum(scene.layer_masses)) * part for part in scene.gravity]
         names = [f"foundation_force_{axis}_{{}}_n" for axis in "xy"]
         labels = ("x along the deck", "y normal to the deck") if weight[0] else ("x", "y")
@@ -404,10 +404,17 @@ class Sheet:
         return y._replace(short=(f"at {name}", f"stroke y {y.now}", f"x {x.now}; acceleration {acceleration}"))
 
     def _spring(self, name: str) -> Row:
-        """Return the force in each spring at a point."""
+        """Return the force along y in each spring of a name, its sag, and the largest force along x."""
         static = -(self.numbers[f"spring_force_mean_{name}_n"] or 0.0)
         row = self._force(f"each spring at {name}", f"spring_force_{{}}_{name}_n", static)
-        return row.shortly(f"spring at {name}", row.label.replace(f" spring at {name}", ""))
+        if self.scene.springs is not None:
+            stiffness = self.scene.measured_springs[name][1].stiffness[1]
+            across = self._text(f"spring_force_x_amplitude_{name}_n", largest=static)
+            sag = quantity(static / stiffness, "m") if stiffness else ""
+            row = row._replace(
+                also="; ".join([*([f"sag {sag}"] if sag else ["off"]), *([f"x ± {across}"] if across else [])])
+            )
+        return row.shortly(f"spring at {name}", row.label.replace(f" spring at {name}", ""), row.also)
 
     def _material(self) -> list[Row]:
         s = self.numbers

@@ -70,11 +70,12 @@ class Machine {
   put(which, transform) { for (const part of this.svg.querySelectorAll(which)) part.setAttribute("transform", transform); }
 
   springs(dx, dy, turned) {
-    const {bottom, floor} = this.size, length = bottom - floor;
+    const {angle, floor} = this.size, [cosine, sine] = [Math.cos(angle), Math.sin(angle)];
+    const upright = (x, y) => [x * cosine + y * sine, y * cosine - x * sine];
     for (const spring of this.svg.querySelectorAll(".spring")) {
-      const x = Number(spring.dataset.at), aside = dx + x * Math.cos(turned) - bottom * Math.sin(turned) - x;
-      const high = dy + x * Math.sin(turned) + bottom * Math.cos(turned) - floor;
-      spring.setAttribute("transform", `matrix(1 0 ${-aside / length} ${high / length} ${x} ${-floor})`);
+      const [x, y, length] = ["x", "y", "length"].map(name => Number(spring.dataset[name])), [foot] = upright(x, y);
+      const [to, high] = upright(dx + x * Math.cos(turned) - y * Math.sin(turned), dy + x * Math.sin(turned) + y * Math.cos(turned));
+      spring.setAttribute("transform", `matrix(1 0 ${-(to - foot) / length} ${(high - floor) / length} ${foot} ${-floor})`);
     }
   }
 
