@@ -22,8 +22,8 @@ from vibroplat.measured.data import Measured, curve_of, read_data
 from vibroplat.motion.run import simulate
 
 #: Rows of runs in an oscillation, and at most for each sample of the data; and by how much runs are longer than data
-#: that begin with them, over their length.
-ROWS, MOST_ROWS, LONGER = 100.0, 2.0, 0.1
+#: that begin with them, over their length and at least in oscillations: any phase may be the first.
+ROWS, MOST_ROWS, LONGER, TURNS = 100.0, 2.0, 0.1, 1.2
 #: Step of keys in differences, over their ranges, and step of a shift (s).
 STEP, SHIFT_STEP = 1e-4, 1e-6
 #: Fewest samples of a curve.
@@ -112,7 +112,9 @@ class Misfit:
         if "perturbation" not in self.scene.run.model_fields_set:
             changes["run.perturbation"] = 0.0
         scene = self.scene.replace(changes | dict(entry.run))
-        least = length * (1.0 + LONGER) if self.fits_shift else length + float(self.plan.shift)
+        turn = 1.0 / min(main_frequency((part.times, part.values)) for part in own)
+        room = max(LONGER * length, TURNS * turn) if self.fits_shift else float(self.plan.shift)
+        least = length + room
         return scene.replace({"run.duration_s": max(scene.run.duration_s, least) if self.fits_shift else least})
 
     def _output(self, own: Sequence[Part]) -> dict[str, float | bool]:
