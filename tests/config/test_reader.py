@@ -133,6 +133,11 @@ def test_upper_file_gives_one_of_several_alternatives(here, scene_of):
         assert Scene.from_tree(scene.to_tree()) == scene == scene.replace()
 
 
+def test_a_setting_stands_in_no_line_of_the_file(complaint):
+    told = complaint("run:\n  duration_s: 2.0\n", {"run.duration_s": None})
+    assert told == "c.yaml: run.duration_s = None; allowed: a number"
+
+
 def test_settings_are_laid_over_the_file(scene_of):
     text = (
         "contact: {restitution: 0.5}\nmaterial: {mass_ratio: 0.1, natural_frequency_hz: 18.5}\nmotor: {pole_pairs: 1}\n"

@@ -41,7 +41,9 @@ def load_config(path: str | os.PathLike[str], overrides: Mapping[str, Any] | Non
         tree = merge(lower, nest(overrides or {}))
         scene = Scene.from_tree({"name": file.stem} | tree, overrides or ())
     except ConfigError as error:
-        message = add_line(str(error), file.read_text(encoding="utf-8"))
+        message = str(error)
+        if not any(message.startswith(key) for key in overrides or ()):  # which no line of the file has
+            message = add_line(message, file.read_text(encoding="utf-8"))
         raise ConfigError(f"{file}: {message}") from None
     _require_whole_machine(file, lower, tree)
     return scene
