@@ -48,11 +48,6 @@ class FitPlan(Section, title="Fit"):
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(0, description="seed of the further starting values")
 
-    @property
-    def files(self) -> list[FitData]:
-        """The files of measured data."""
-        return self.data
-
     @model_validator(mode="after")
     def _possible(self) -> Self:
         for key, (low, high) in self.keys.items():

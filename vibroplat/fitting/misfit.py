@@ -23,7 +23,7 @@ from vibroplat.motion.run import simulate
 
 #: Rows of runs in an oscillation, and at most for each sample of the data; and by how much runs are longer than data
 #: that begin with them, over their length and at least in oscillations: any phase may be the first.
-ROWS, MOST_ROWS, LONGER, TURNS = 100.0, 2.0, 0.1, 1.2
+ROWS, ROWS_A_SAMPLE, LONGER, TURNS = 100.0, 2.0, 0.1, 1.2
 #: Step of keys in differences, over their ranges, and step of a shift (s).
 STEP, SHIFT_STEP = 1e-4, 1e-6
 #: Fewest samples of a curve.
@@ -53,7 +53,7 @@ class Part(NamedTuple):
 def read_files(plan: FitPlan) -> list[Measured]:
     """Read the files of a plan; raises ConfigError."""
     found = []
-    for entry in plan.files:
+    for entry in plan.data:
         pairs = [f"{ours}={theirs}" for ours, theirs in entry.columns.items()]
         quoted = ",".join(f'"{pair}"' if "," in pair else pair for pair in pairs)
         try:
@@ -100,7 +100,7 @@ class Misfit:
         self.keys = [*self.plan.keys]
         self.low, self.high = np.array([*self.plan.keys.values()], dtype=float).T
         self.fits_shift = self.plan.shift == "fit"
-        self.scenes = [self._scene_of(number, entry) for number, entry in enumerate(self.plan.files)]
+        self.scenes = [self._scene_of(number, entry) for number, entry in enumerate(self.plan.data)]
 
     # -- runs ---------------------------------------------------------------------------------------
 
@@ -122,7 +122,7 @@ class Misfit:
         fastest = max(main_frequency((part.times, part.values)) for part in own)
         if any(self.scene.driven(0.0, self.scene.run.duration_s)):
             fastest = max(fastest, self.scene.speed_scale / TURN)
-        finest = max(MOST_ROWS / float(np.median(np.diff(part.times))) for part in own)
+        finest = max(ROWS_A_SAMPLE / float(np.median(np.diff(part.times))) for part in own)
         output: dict[str, float | bool] = {"sample_rate_hz": min(ROWS * fastest, finest)}
         if any(part.column.startswith("acceleration") for part in own):
             output["accelerations"] = True
@@ -130,7 +130,7 @@ class Misfit:
 
     def shift_bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return the least and largest shift of each file, between which nearly all data lie in the run."""
-        count = len(self.plan.files) * self.fits_shift
+        count = len(self.plan.data) * self.fits_shift
         lengths = [max(float(p.times[-1]) for p in self.parts if p.file == number) for number in range(count)]
         room = [scene.run.duration_s - length for scene, length in zip(self.scenes, lengths, strict=False)]
         return -LONGER * np.array(lengths), np.array(room)
@@ -171,7 +171,7 @@ class Misfit:
         """Return unknowns: keys at some places, shifts of the smallest differences, no offsets, and factors of 1."""
         shifts: list[float] = []
         curves = self.curves(places) if self.fits_shift else []
-        for number in range(len(self.plan.files)) if self.fits_shift else ():
+        for number in range(len(self.plan.data)) if self.fits_shift else ():
             own = [(p, c) for p, c in zip(self.parts, curves, strict=True) if p.file == number]
             part, computed = max(own, key=lambda of: len(of[0].times))
             shifts.append(
@@ -193,9 +193,9 @@ class Misfit:
     def unpack(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return places of keys, shift of each file, offset and factor of each part."""
         count = len(self.parts)
-        sizes = len(self.keys), len(self.plan.files) * self.fits_shift, *(len(of) for of in self.others)
+        sizes = len(self.keys), len(self.plan.data) * self.fits_shift, *(len(of) for of in self.others)
         places, shifts, offsets, factors = np.split(u, np.cumsum(sizes)[:-1])
-        shifts = shifts if self.fits_shift else np.full(len(self.plan.files), float(self.plan.shift))
+        shifts = shifts if self.fits_shift else np.full(len(self.plan.data), float(self.plan.shift))
         return places, shifts, offsets if len(offsets) else np.zeros(count), factors if len(factors) else np.ones(count)
 
     def residuals(self, u: FloatArray, weights: FloatArray, until: float = 1.0) -> FloatArray:
@@ -225,7 +225,7 @@ class Misfit:
         sizes = [len(_up_to(part, until)[0]) for part in self.parts]
         begins = np.cumsum([0, *sizes])
         extra = np.zeros((begins[-1], len(u) - len(places)))
-        count = len(self.plan.files) * self.fits_shift
+        count = len(self.plan.data) * self.fits_shift
         for k, (part, curve) in enumerate(zip(self.parts, curves, strict=True)):
             rows = slice(begins[k], begins[k + 1])
             times, values = _up_to(part, until)

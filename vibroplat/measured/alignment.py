@@ -50,12 +50,12 @@ class Alignment(NamedTuple):
 
 def interpolant(curve: Curve) -> Callable[[Any], FloatArray]:
     """Return a curve as a function; between few samples of a turn it is a cubic spline, unless it jumps."""
-    from scipy.interpolate import CubicSpline  # noqa: PLC0415  (takes half a second, and few figures need it)
-
     times, values = curve
     steps = np.diff(times)
     usual = float(np.median(steps)) if len(steps) else 0.0
     if len(times) > FEWEST and steps.min() > 1e-6 * usual and 1.0 / (usual * main_frequency(curve)) < COARSE:
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415  (takes half a second, and few figures need it)
+
         spline: Callable[[Any], FloatArray] = CubicSpline(times, values)
         return spline
     return lambda at: np.asarray(np.interp(at, times, values), dtype=float)
@@ -76,6 +76,12 @@ def error_of(measured: FloatArray, computed: FloatArray) -> float | None:
     if len(measured) < 2 or square == 0.0:
         return None
     return float(np.sqrt(np.square(computed - measured).sum() / square))
+
+
+def correlation_of(measured: FloatArray, computed: FloatArray) -> float:
+    """Return the coefficient of correlation; 0 if one of them does not vary."""
+    spread = float(measured.std() * computed.std())
+    return float(np.cov(measured, computed, bias=True)[0, 1]) / spread if spread > 0.0 else 0.0
 
 
 def on_curve(measured: Curve, computed: Curve) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -100,7 +106,8 @@ def best_shift(measured: Curve, computed: Curve, *, offset: bool = False, overla
         raise TableError("shift=fit needs values over time; allowed: shift=S in seconds")
     if not np.ptp(measured[1]) > 0.0 or not np.ptp(computed[1]) > 0.0:
         raise TableError("shift=fit finds nothing to correlate; allowed: shift=S in seconds")
-    curve, sums = interpolant(computed), _Sums.of(measured, computed, overlap)
+    curve = interpolant(computed)
+    sums = _Sums.of(measured, computed, curve, overlap)
 
     def error(shift: float) -> float:
         moved = measured[0] + shift, measured[1]
@@ -114,9 +121,7 @@ def best_shift(measured: Curve, computed: Curve, *, offset: bool = False, overla
     def unlike(shift: float) -> float:
         inside = on_curve((measured[0] + shift, measured[1]), computed)
         values, places = measured[1][inside], curve(measured[0][inside] + shift)
-        spread = values.std() * places.std()
-        correlation = np.cov(values, places, bias=True)[0, 1] / spread if spread > 0.0 else 0.0
-        return float(np.sqrt(max(1.0 - correlation**2, 0.0)))
+        return float(np.sqrt(max(1.0 - correlation_of(values, places) ** 2, 0.0)))
 
     shifts, errors = sums.minima(sums.errors(offset=offset), error)
     if errors.min() > LARGE_ERROR:
@@ -146,8 +151,11 @@ class _Sums(NamedTuple):
     mc: FloatArray
 
     @classmethod
-    def of(cls, measured: Curve, computed: Curve, overlap: float) -> _Sums:
-        """Take the sums at all shifts at which enough of the curves lies on each other; raises TableError."""
+    def of(cls, measured: Curve, computed: Curve, through: Callable[[Any], FloatArray], overlap: float) -> _Sums:
+        """Take the sums at all shifts at which enough of the curves lies on each other; raises TableError.
+
+        The function ``through`` goes through the rows of the computed curve.
+        """
         from scipy.signal import correlate  # noqa: PLC0415  (takes half a second, and few figures need it)
 
         steps = [float(np.median(np.diff(np.unique(times)))) for times, _ in (measured, computed)]
@@ -158,7 +166,7 @@ class _Sums(NamedTuple):
         places = np.rint((t - t[0]) / step).astype(int)
         mean, weights = float(m.mean()), [np.ones(len(m)), m - m.mean(), (m - m.mean()) ** 2, m * m]
         one, first, second, square = (np.bincount(places, weight).astype(float) for weight in weights)
-        curve = interpolant(computed)(origin + step * np.arange(int(spans[1] / step + 1e-9) + 1)) - mean
+        curve = through(origin + step * np.arange(int(spans[1] / step + 1e-9) + 1)) - mean
         there = np.ones(len(curve))
 
         def over(train: FloatArray, values: FloatArray) -> FloatArray:

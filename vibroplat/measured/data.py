@@ -22,20 +22,21 @@ import pandas as pd
 
 from vibroplat.columns import display_name, is_angle, unit_of
 from vibroplat.config.digits import given, interval, number, percent, quantity
-from vibroplat.config.schema import MAX_SIZE, did_you_mean
+from vibroplat.config.schema import MAX_SIZE, MINUS, did_you_mean
 from vibroplat.errors import TableError
 from vibroplat.measured.alignment import (
     FEW_A_TURN,
     Alignment,
     Curve,
     best_shift,
+    correlation_of,
     error_of,
     interpolant,
     on_curve,
 )
 from vibroplat.measured.numbers import numbers_of, seconds_of
 from vibroplat.measured.rows import read_rows
-from vibroplat.measured.units import factor_of, split_name, units_of
+from vibroplat.measured.units import GRAVITY, factor_of, split_name, units_of
 
 _LOG = logging.getLogger("vibroplat")
 
@@ -47,15 +48,15 @@ UNIX, UNIX_UNITS = 1e8, {1e17: (1e-9, "ns"), 1e14: (1e-6, "µs"), 1e11: (1e-3, "
 #: Factors between measured and computed values that have a meaning, in which columns by the ends of their names, and
 #: how near to them one is (relative), and how well the curves must correlate.
 KNOWN_FACTORS = (
-    (9.80665, "_m_per_s2", "is one in m/s² and the other in g?"),
+    (GRAVITY, "_m_per_s2", "is one in m/s² and the other in g?"),
     (np.pi / 30.0, "_rad_per_s", "is one in rad/s and the other in rpm?"),
     (60.0, "_hz", "is one in Hz and the other in rpm?"),
     (1e3, "", "do units differ by 1000?"),
     (-1.0, "", "does the sensor point the other way?"),
 )
 NEAR_FACTOR, CORRELATED = 0.05, 0.9
-#: Constant difference, over the RMS of the measured values, from which on it is told, and standard gravity (m/s²).
-TOLD_OFFSET, GRAVITY = 0.05, 9.80665
+#: Constant difference, over the RMS of the measured values, from which on it is told.
+TOLD_OFFSET = 0.05
 
 
 class Comparison(NamedTuple):
@@ -267,11 +268,10 @@ def comparison_of(measured: Curve, computed: Curve, *, level: bool = False, smoo
     error = error_of(values - offset * level, curve)
     if error is None:
         return None
-    spread = float(values.std() * curve.std())
-    both = float(np.cov(values, curve, bias=True)[0, 1])
-    factor = both / float(values.var()) if spread else 1.0
+    correlation = correlation_of(values, curve)
+    factor = correlation * float(curve.std() / values.std()) if correlation else 1.0
     share = float(np.ptp(x)) / (float(np.ptp(places)) or 1.0)
-    return Comparison(error, offset, factor, both / spread if spread else 0.0, len(x), min(share, 1.0))
+    return Comparison(error, offset, factor, correlation, len(x), min(share, 1.0))
 
 
 # -- files -------------------------------------------------------------------------------------------------------------
@@ -406,6 +406,6 @@ def _spread(data: Measured, times: pd.Series) -> pd.Series:
 
 def _number(text: str) -> float:
     """Return a finite number, which may have a minus sign as lines have it; raises ValueError."""
-    if not abs(value := float(text.replace("−", "-"))) <= MAX_SIZE:
+    if not abs(value := float(text.replace(MINUS, "-"))) <= MAX_SIZE:
         raise ValueError
     return value

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import re
 
+#: Standard gravity (m/s²), in whose units many sensors measure.
+GRAVITY = 9.80665
 #: Factors to SI units by the ends of names of columns, of which the first that fits counts.
 _FACTORS = {
-    "_m_per_s2": {"m/s²": 1.0, "mm/s²": 1e-3, "cm/s²": 1e-2, "g": 9.80665, "mg": 9.80665e-3},
+    "_m_per_s2": {"m/s²": 1.0, "mm/s²": 1e-3, "cm/s²": 1e-2, "g": GRAVITY, "mg": 1e-3 * GRAVITY},
     "_rad_per_s": {"rad/s": 1.0, "°/s": math.pi / 180.0, "rpm": math.pi / 30.0, "1/min": math.pi / 30.0},
     "_m_per_s": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2},
     "_n_m": {"N·m": 1.0, "kN·m": 1e3},
